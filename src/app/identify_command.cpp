@@ -44,8 +44,8 @@ std::string note_of(const statics::Identification& r, const std::vector<statics:
     if (r.upper_bound[i])
       held += fmt::format("; {} is fixed at 0, with an upper bound (95 %) of {:.3g}", r.joint[i], *r.upper_bound[i]);
   }
-  return fmt::format("identified from displacements at {} points ({}); residual rms {:.1f} um; standard errors {}{}",
-                     points.size(), files, units::to_um(r.residual_rms), errors, held);
+  return fmt::format("identified from displacements at {} point{} ({}); residual rms {:.1f} um; standard errors {}{}",
+                     points.size(), points.size() == 1 ? "" : "s", files, units::to_um(r.residual_rms), errors, held);
 }
 
 /// What the machine file says of the uncertainty of its compliances, under [provenance]: their standard uncertainties,
@@ -137,6 +137,21 @@ std::string in_words(const cutting::RunoutEffect& r, const std::array<double, 6>
       "No runout was given, and none is in the intervals: {:g} um (total indicator reading) would change up to {}. "
       "Measure it at the cutting edges and give --runout-um.",
       units::to_um(r.reading), changes);
+}
+
+/// The noise that the intervals rest on.
+std::string noise_in_words(const cutting::CuttingIdentification& r) {
+  if (r.noise_stated) {
+    return fmt::format(
+        "rows count by their sigma_N; the residuals are {:.2g} times as large, and the intervals follow "
+        "the residuals",
+        r.times_stated);
+  }
+  std::vector<std::string> parts;
+  for (std::size_t k = 0; k < 3; ++k)
+    parts.push_back(
+        fmt::format("F{} {:.2g} N and {:.2g} % of it", "xyz"[k], r.noise[k].constant, 100 * r.noise[k].share));
+  return fmt::format("noise by the residuals (standard deviations, added as squares): {}", fmt::join(parts, "; "));
 }
 
 std::string in_words(const cutting::LackOfFit& l) {
@@ -285,7 +300,7 @@ Command identify_compliance_command() {
                         {"unused_columns", read.unused_columns},
                         {"r_squared", r.explained},
                         {"signal_rms_um", units::to_um(r.signal_rms)},
-                        {"noise_um", r.noise > 0 ? Json(units::to_um(r.noise)) : Json()},
+                        {"noise_um", r.noise_freedoms > 0 ? Json(units::to_um(r.noise)) : Json()},
                         {"noise_stated", r.noise_stated},
                         {"written", !o->out.empty() && !refused},
                         {"residual_rms_um", units::to_um(r.residual_rms)},
@@ -298,15 +313,17 @@ Command identify_compliance_command() {
                         {"correlation", r.correlation},
                         {"covariance", covariance_json(keyed, r.covariance)},
                         {"highly_correlated", alike},
-                        {"asymmetry_rms_um", units::to_um(r.asymmetry_rms)},
-                        {"symmetric", r.symmetric},
+                        {"misfit_um", r.noise_known() ? Json(units::to_um(r.misfit)) : Json()},
+                        {"misfit_limit", r.noise_known() ? Json(r.misfit_limit) : Json()},
+                        {"asymmetry_rms_um", r.pairs > 0 ? Json(units::to_um(r.asymmetry_rms)) : Json()},
+                        {"symmetric", r.pairs > 0 ? Json(r.symmetric) : Json()},
                         {"outliers", outliers}};
           if (!all_turn) document["compliance_um_per_N"] = um_per_N;
           print_json(document);
           return end(context, verdict, judgement);
         }
-        fmt::print("{} points, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(), r.equations,
-                   units::to_um(r.residual_rms), r.condition);
+        fmt::print("{} point{}, {} equations, residual rms {:.1f} um, condition {:.2f}\n\n", points.size(),
+                   points.size() == 1 ? "" : "s", r.equations, units::to_um(r.residual_rms), r.condition);
         for (std::size_t i = 0; i < r.compliance.size(); ++i) {
           if (i == 0 || r.turns[i] != r.turns[i - 1]) {
             fmt::print("           {:>11}   95 % interval\n", r.turns[i] ? "1e-7 rad/Nm" : "um/N");
@@ -343,8 +360,12 @@ Command identify_compliance_command() {
           fmt::print("{}: predicted from the other files to {}\n",
                      std::filesystem::path(o->files[i]).filename().string(), in_words(foretold[i]));
         }
-        fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
-                   units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than noise");
+        if (r.pairs > 0) {
+          fmt::print("measured cross displacements differ from symmetry by {:.1f} um rms{}\n",
+                     units::to_um(r.asymmetry_rms), r.symmetric ? "" : ": more than noise");
+        } else {
+          fmt::print("no two cross displacements of a pair were measured, so that symmetry is not judged\n");
+        }
         for (const Json& x : alike) {
           fmt::print("{} and {} are highly correlated: their estimates correlate by {:.3f}\n",
                      x["joints"][0].get<std::string>(), x["joints"][1].get<std::string>(),
@@ -378,9 +399,10 @@ Command identify_cutting_command() {
   return {"identify cutting", "Cutting coefficients from mean forces measured at several feeds",
           "polypod identify cutting --cutter cutter.toml forces.csv -o material.toml",
           [o](Arguments& a) {
-            a.positional("DATA", o->files,
-                         "CSV files: feed_per_tooth_mm,ap_mm,Fx_N,Fy_N,Fz_N[,direction][,ae_mm]; on the tool, x along "
-                         "the feed, y to its left, z along the axis");
+            a.positional(
+                "DATA", o->files,
+                "CSV files: feed_per_tooth_mm,ap_mm,Fx_N,Fy_N,Fz_N[,direction][,ae_mm][,sigma_N]; on the tool, x along "
+                "the feed, y to its left, z along the axis");
             a.option("--cutter", o->cutter, "The cutter file", true);
             a.option("-o,--output", o->out, "The material, as a material file");
             a.option("--name", o->name, "Its name");
@@ -441,6 +463,10 @@ Command identify_cutting_command() {
                                         {"half_interval_95", user(k, r.half_interval[k])},
                                         {"change_by_runout", user(k, r.runout.change[k])}});
               }
+              Json noise = Json::array();
+              for (std::size_t k = 0; k < kForces.size() && !r.noise_stated; ++k)
+                noise.push_back(
+                    {{"force", kForces[k]}, {"constant_N", r.noise[k].constant}, {"percent", 100 * r.noise[k].share}});
               print_json({{"coefficients", coefficients},
                           {"residual_rms_N", r.residual_rms},
                           {"runout_um", units::to_um(r.runout.reading)},
@@ -448,6 +474,9 @@ Command identify_cutting_command() {
                           {"cuts", rows.size()},
                           {"equations", r.equations},
                           {"condition", r.condition},
+                          {"noise", noise},
+                          {"noise_stated", r.noise_stated},
+                          {"times_stated_noise", r.noise_stated ? Json(r.times_stated) : Json()},
                           {"lack_of_fit", r.lack_of_fit ? Json{{"exponent", r.lack_of_fit->exponent},
                                                                {"residual_rms_N", r.lack_of_fit->residual_rms},
                                                                {"linear_residual_rms_N", r.lack_of_fit->linear_rms}}
@@ -463,6 +492,7 @@ Command identify_cutting_command() {
               fmt::print("{:<14} {:>10.3f}   +- {:.3f} (95 %)\n", kKeys[k], user(k, r.value[k]),
                          user(k, r.half_interval[k]));
             }
+            fmt::print("{}\n", noise_in_words(r));
             for (const Json& x : outliers) {
               fmt::print("outlier, kept in the fit: {}:{} {} is off by {:.1f} N\n", x["file"].get<std::string>(),
                          x["line"].get<int>(), x["force"].get<std::string>(), x["residual_N"].get<double>());

@@ -9,9 +9,9 @@
 #include <cmath>
 #include <map>
 
-#include "distributions.hpp"
 #include "groups.hpp"
 #include "model.hpp"
+#include "polypod/core/distributions.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/covariance.hpp"

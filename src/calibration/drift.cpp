@@ -4,9 +4,9 @@
 #include <map>
 #include <numeric>
 
-#include "distributions.hpp"
 #include "groups.hpp"
 #include "model.hpp"
+#include "polypod/core/distributions.hpp"
 
 namespace polypod::calibration {
 namespace {

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <set>
 
-#include "distributions.hpp"
 #include "fit.hpp"
 #include "losses.hpp"
+#include "polypod/core/distributions.hpp"
 #include "polypod/core/units.hpp"
 #include "systematic_columns.hpp"
 

@@ -6,7 +6,7 @@
 #include <map>
 #include <tuple>
 
-#include "distributions.hpp"
+#include "polypod/core/distributions.hpp"
 #include "polypod/core/units.hpp"
 
 namespace polypod::calibration {

@@ -288,6 +288,20 @@ std::string expanded(const std::vector<std::string>& coordinates, const PoseSpre
                      systematic ? ", the stated systematic parts included" : "");
 }
 
+/// "--fix 'dh[1].d_mm' --fix 'dh[6].a_mm'", as a shell takes it: the parameters that are linearly dependent on frame or
+/// target, so that one of both can be chosen freely.
+std::string fixes(const Calibration& c) {
+  std::string out;
+  for (const Estimate& p : c.parameters) {
+    const bool like_place = std::any_of(p.like.begin(), p.like.end(), [](const Like& l) {
+      return l.key.rfind("frame.", 0) == 0 || l.key.rfind("target.", 0) == 0;
+    });
+    if (!p.identifiable && like_place)
+      out += fmt::format("{}--fix '{}{}{}'", out.empty() ? "" : " ", p.key, p.unit.empty() ? "" : "_", p.unit);
+  }
+  return out;
+}
+
 }  // namespace
 
 Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, const Calibration& c,
@@ -321,11 +335,17 @@ Verdict judged(const AnyMachine& nominal, const std::vector<Measurement>& rows, 
   std::string remedy = "also measure " + what_would_tell(nominal, rows, out.left_open);
   if (options.estimate_frame || options.estimate_target) {
     const char* what = !options.estimate_target ? "frame" : !options.estimate_frame ? "target" : "frame and target";
+    const bool both = options.estimate_frame && options.estimate_target;
     remedy = fmt::format(
         "measure the {0} on the machine and give {1} with --{2}: what the machine's own parts act on "
         "like the {0} stays open with any number of rows",
-        what, options.estimate_frame && options.estimate_target ? "them" : "it",
-        options.estimate_frame && options.estimate_target ? "frame and --target" : what);
+        what, both ? "them" : "it", both ? "frame and --target" : what);
+    if (const std::string fix = fixes(c); !fix.empty())
+      remedy += fmt::format(
+          ". Where nobody knows the {0}, fix the parameters that are linearly dependent on {1}: {2}. The {0} found "
+          "then {3} the errors of these, and "
+          "the machine file is right together with {1}",
+          what, both ? "them" : "it", fix, both ? "hold" : "holds");
   }
   if (!by_systematic.empty()) {
     remedy = fmt::format(

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "polypod/core/distributions.hpp"
 #include "polypod/core/statistics.hpp"
 #include "polypod/core/toml.hpp"
 #include "polypod/core/units.hpp"
@@ -25,12 +26,104 @@ constexpr double Material::*kCoefficient[6] = {&Material::ktc, &Material::krc, &
                                                &Material::kte, &Material::kre, &Material::kae};
 constexpr const char* kName[6] = {"Ktc", "Krc", "Kac", "Kte", "Kre", "Kae"};
 
-/// Least squares of the columns `which` of A, with standard errors from the residuals.
-Status solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, const std::vector<int>& which,
-             CuttingIdentification& out) {
-  const Eigen::Index n = static_cast<Eigen::Index>(which.size());
-  Eigen::MatrixXd S(A.rows(), n);
-  for (Eigen::Index k = 0; k < n; ++k) S.col(k) = A.col(which[static_cast<std::size_t>(k)]);
+/// Equations of some of the coefficients, and whose noise is in each.
+struct Equations {
+  Eigen::MatrixXd A;      ///< columns of all six coefficients
+  Eigen::VectorXd force;  ///< N
+  std::vector<int> which;
+  std::vector<int> axis;   ///< of the force of each row
+  Eigen::VectorXd stated;  ///< N; empty where not each row states its sigma
+};
+
+/// How the noise may go: w, the part of the variance that grows with the force, and the ratio of variances of Fy and
+/// Fx.
+struct NoiseModel {
+  double growing = 0, ratio = 1, log_prior = 0;
+};
+std::vector<NoiseModel> noise_models(bool two_axes) {
+  constexpr std::array kGrowing{0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.96, 0.99, 0.997};
+  constexpr std::array kRatio{1.0, 0.04, 0.11, 0.25, 0.5, 2.0, 4.0, 9.0, 25.0};
+  constexpr double kConstant = 0.3, kEqual = 0.5;  // beforehand
+  std::vector<NoiseModel> out;
+  for (const double ratio : kRatio) {
+    if (!two_axes && ratio != 1) continue;
+    const double of_ratio = ratio == 1 ? kEqual : (1 - kEqual) / (kRatio.size() - 1);
+    for (const double growing : kGrowing) {
+      const double of_growing = growing == 0 ? kConstant : (1 - kConstant) / (kGrowing.size() - 1);
+      out.push_back({growing, ratio, std::log(of_growing) + (two_axes ? std::log(of_ratio) : 0.0)});
+    }
+  }
+  return out;
+}
+
+/// Coefficients (of columns of unit length) under one model of the noise.
+struct WeightedFit {
+  Eigen::VectorXd x;
+  Eigen::MatrixXd covariance;
+  Eigen::VectorXd variance;  ///< N^2, of each row
+  double scale = 0;          ///< N^2, the variance that the model's parts share
+  double log_likelihood = 0;
+  double weight = 1;
+  NoiseModel model;
+};
+
+/// Weighted least squares, and the restricted likelihood of the residuals: that of all combinations of the forces to
+/// which no coefficient adds.
+WeightedFit fit_under(const NoiseModel& model, const Eigen::MatrixXd& S, const Equations& e,
+                      const Eigen::VectorXd& size) {
+  WeightedFit out;
+  out.model = model;
+  out.variance.resize(e.force.size());
+  for (Eigen::Index i = 0; i < e.force.size(); ++i) {
+    const double base = e.stated.size() > 0 ? e.stated[i] * e.stated[i] : 1.0;
+    out.variance[i] = base * (1 - model.growing + model.growing * size[i] * size[i]) *
+                      (e.axis[static_cast<std::size_t>(i)] == 1 ? model.ratio : 1.0);
+  }
+  const Eigen::VectorXd root = out.variance.cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd W = root.asDiagonal() * S;
+  const Eigen::VectorXd b = root.cwiseProduct(e.force);
+  out.x = W.colPivHouseholderQr().solve(b);
+  const double freedom = static_cast<double>(S.rows() - S.cols());
+  // Forces without noise leave rounding.
+  const double squares = std::max((b - W * out.x).squaredNorm(), 1e-24 * b.squaredNorm());
+  const Eigen::LLT<Eigen::MatrixXd> H(W.transpose() * W);
+  out.scale = squares / freedom;
+  out.covariance = out.scale * H.solve(Eigen::MatrixXd::Identity(S.cols(), S.cols()));
+  out.log_likelihood = model.log_prior - 0.5 * out.variance.array().log().sum() -
+                       Eigen::MatrixXd(H.matrixL()).diagonal().array().log().sum() - 0.5 * freedom * std::log(squares);
+  out.variance *= out.scale;
+  return out;
+}
+
+/// Half of the interval about the mean of the mixture that holds 95 % of it: Student's t about `x` of each.
+double half_of_mixture(const std::vector<WeightedFit>& fits, Eigen::Index k, double mean, double freedom) {
+  const auto below = [&](double t) {
+    const double tail = 0.5 * student_both(std::abs(t), freedom);
+    return t > 0 ? 1 - tail : tail;
+  };
+  const auto within = [&](double half) {
+    double sum = 0;
+    for (const WeightedFit& f : fits) {
+      const double off = f.x[k] - mean, deviation = std::sqrt(f.covariance(k, k));
+      sum += f.weight * (below((half - off) / deviation) - below((-half - off) / deviation));
+    }
+    return sum;
+  };
+  double low = 0, high = 0;
+  for (const WeightedFit& f : fits)
+    high = std::max(high, student_95(freedom) * std::sqrt(f.covariance(k, k)) + std::abs(f.x[k] - mean));
+  for (int i = 0; i < 30; ++i) {
+    const double middle = 0.5 * (low + high);
+    (within(middle) < 0.95 ? low : high) = middle;
+  }
+  return high;
+}
+
+/// The coefficients `e.which`, averaged over the models of the noise. Gives the variance of each row, N^2.
+/// Errors: ID122.
+Result<Eigen::VectorXd> solve(const Equations& e, CuttingIdentification& out) {
+  const Eigen::Index n = static_cast<Eigen::Index>(e.which.size());
+  Eigen::MatrixXd S = e.A(Eigen::all, e.which);
   const Eigen::VectorXd scale = S.colwise().norm();
   const bool loaded = scale.minCoeff() > 0;
   if (loaded) S = S * scale.cwiseInverse().asDiagonal();
@@ -40,32 +133,68 @@ Status solve(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, const std::vect
   if (!(condition < kNotApart)) {
     return fail("ID122", "the coefficients are not identifiable from these cuts", {}, "measure at two feeds at least");
   }
-  const Eigen::VectorXd x = S.colPivHouseholderQr().solve(b);
-  const double freedom = static_cast<double>(A.rows() - n);
-  const double variance = (b - S * x).squaredNorm() / freedom;
-  const Eigen::MatrixXd inverse = (S.transpose() * S).inverse();
+  const double freedom = static_cast<double>(S.rows() - n);
+  // The size of a force is that of the model, so that its own noise does not weigh it.
+  Eigen::VectorXd size = (S * S.colPivHouseholderQr().solve(e.force)).cwiseAbs();
+  const double rms = std::sqrt(size.squaredNorm() / static_cast<double>(size.size()));
+  if (rms > 0) size /= rms;
+  std::vector<WeightedFit> fits;
+  const bool two_axes = e.axis.front() != 2;
+  for (const NoiseModel& model : out.noise_stated ? std::vector<NoiseModel>{{}} : noise_models(two_axes))
+    fits.push_back(fit_under(model, S, e, size));
+  double best = fits.front().log_likelihood, sum = 0;
+  for (const WeightedFit& f : fits) best = std::max(best, f.log_likelihood);
+  constexpr double kNeverMind = 1e-5;
+  for (WeightedFit& f : fits) f.weight = std::exp(f.log_likelihood - best);
+  std::erase_if(fits, [](const WeightedFit& f) { return !(f.weight > kNeverMind); });
+  if (fits.empty()) {
+    return fail("ID122", "the coefficients do not come out as finite numbers", {},
+                "are the forces in N and the lengths in mm?");
+  }
+  for (const WeightedFit& f : fits) sum += f.weight;
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(n), variance = Eigen::VectorXd::Zero(e.force.size());
+  for (WeightedFit& f : fits) {
+    f.weight /= sum;
+    x += f.weight * f.x;
+    variance += f.weight * f.variance;
+  }
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(n, n);
+  for (const WeightedFit& f : fits) covariance += f.weight * (f.covariance + (f.x - x) * (f.x - x).transpose());
+  std::array<double, 3> constant{}, growing{};
+  for (const WeightedFit& f : fits) {
+    for (const int axis : two_axes ? std::vector{0, 1} : std::vector{2}) {
+      const double own = f.weight * f.scale * (axis == 1 ? f.model.ratio : 1.0);
+      constant[static_cast<std::size_t>(axis)] += own * (1 - f.model.growing);
+      growing[static_cast<std::size_t>(axis)] += rms > 0 ? own * f.model.growing / (rms * rms) : 0.0;
+    }
+  }
+  for (const int axis : two_axes ? std::vector{0, 1} : std::vector{2}) {
+    const auto at = static_cast<std::size_t>(axis);
+    if (!out.noise_stated) out.noise[at] = {std::sqrt(constant[at]), std::sqrt(growing[at])};
+  }
+  if (out.noise_stated) out.times_stated += freedom * fits.front().scale;
   for (Eigen::Index k = 0; k < n; ++k) {
-    const auto i = static_cast<std::size_t>(which[static_cast<std::size_t>(k)]);
+    const auto i = static_cast<std::size_t>(e.which[static_cast<std::size_t>(k)]);
     out.value[i] = x[k] / scale[k];
-    out.standard_error[i] = std::sqrt(variance * inverse(k, k)) / scale[k];
+    out.standard_error[i] = std::sqrt(covariance(k, k)) / scale[k];
     if (!std::isfinite(out.value[i]) || !std::isfinite(out.standard_error[i])) {
       return fail("ID122", fmt::format("{} does not come out as a finite number", kName[i]), {},
                   "are the forces in N and the lengths in mm?");
     }
-    out.half_interval[i] = student_95(freedom) * out.standard_error[i];
+    out.half_interval[i] = half_of_mixture(fits, k, x[k], freedom) / scale[k];
   }
-  // The covariance as independent variations: the columns of its Cholesky factor.
-  const Eigen::MatrixXd L = Eigen::MatrixXd(variance * inverse).llt().matrixL();
+  // The covariance as independent variations, each coefficient to its interval: the columns of its Cholesky factor.
+  const Eigen::MatrixXd L = covariance.llt().matrixL();
   for (Eigen::Index j = 0; j < n; ++j) {
     std::array<double, 6> variation{};
     for (Eigen::Index k = j; k < n; ++k) {
-      if (std::abs(L(k, j)) < 1e-12 * L.row(k).norm()) continue;  // rounding
-      variation[static_cast<std::size_t>(which[static_cast<std::size_t>(k)])] =
-          student_95(freedom) * L(k, j) / scale[k];
+      const auto i = static_cast<std::size_t>(e.which[static_cast<std::size_t>(k)]);
+      if (std::abs(L(k, j)) < 1e-12 * L.row(k).norm() || !(out.standard_error[i] > 0)) continue;  // rounding
+      variation[i] = out.half_interval[i] / out.standard_error[i] * L(k, j) / scale[k];
     }
     out.material.spread.push_back(variation);
   }
-  return {};
+  return variance;
 }
 
 /// The forces across the axis of unit coefficients with chips to the power `exponent`: columns Ktc, Krc, Kte, Kre.
@@ -85,16 +214,20 @@ Eigen::MatrixXd shapes_across(const Cutter& cutter, const std::vector<MeasuredFo
 }
 
 /// Whether another exponent of the chip explains the forces across the axis better than chance does: Fisher's test of
-/// one parameter more.
+/// one parameter more, each force by its variance.
 std::optional<LackOfFit> lack_of_fit(const Cutter& cutter, const std::vector<MeasuredForce>& rows,
-                                     const Eigen::VectorXd& force) {
+                                     const Eigen::VectorXd& measured, const Eigen::VectorXd& variance) {
   constexpr double kLeast = 0.35, kMost = 1.45, kStep = 0.1;
   constexpr double kSure = 3.29;  // of a normal variable: 99.9 %
   constexpr double kNormal95 = 1.96;
-  const double freedom = static_cast<double>(force.size()) - 5;
+  const double freedom = static_cast<double>(measured.size()) - 5;
   if (freedom < 3) return {};
+  // The mean weight is 1, so that the sizes stay those of forces.
+  Eigen::VectorXd root = variance.cwiseSqrt().cwiseInverse();
+  root /= std::sqrt(root.squaredNorm() / static_cast<double>(root.size()));
+  const Eigen::VectorXd force = root.cwiseProduct(measured);
   const auto squares = [&](double exponent) {
-    Eigen::MatrixXd S = shapes_across(cutter, rows, exponent);
+    Eigen::MatrixXd S = root.asDiagonal() * shapes_across(cutter, rows, exponent);
     const Eigen::RowVectorXd norms = S.colwise().norm();
     if (!(norms.minCoeff() > 0)) return std::numeric_limits<double>::infinity();
     S = S * norms.cwiseInverse().asDiagonal();
@@ -115,26 +248,28 @@ std::optional<LackOfFit> lack_of_fit(const Cutter& cutter, const std::vector<Mea
   return LackOfFit{exponent, std::sqrt(best / count), std::sqrt(linear / count)};
 }
 
+/// One over the noise of each equation, 1/N.
+struct Weights {
+  Eigen::VectorXd across, along;
+};
+
 /// What the same forces give with a runout in the model, worst over the place of the high tooth; into the spread where
 /// the runout is given. Forces are linear in the coefficients with a runout, too.
 RunoutEffect runout_effect(const Cutter& cutter, const std::vector<MeasuredForce>& rows, std::optional<double> given,
-                           const std::array<double, 6>& value, Material& found) {
+                           const Weights& weights, Material& found) {
   constexpr double kSupposed = 10e-6;  // m
   constexpr int kPlaces = 8;           // of the high tooth, within a pitch
   RunoutEffect out;
   out.reading = given.value_or(kSupposed);
   out.given = given.has_value();
   const auto n = static_cast<Eigen::Index>(rows.size());
-  std::array<double, 6> worst{};
-  double most = -1;
-  for (int place = 0; place < kPlaces; ++place) {
-    const double phase = cutter.pitch_angle() * place / kPlaces;
+  const auto coefficients = [&](double reading, double phase) -> std::array<double, 6> {
     Eigen::MatrixXd across(2 * n, 4), along(n, 2);
     Eigen::VectorXd force_across(2 * n), force_along(n);
     for (Eigen::Index i = 0; i < n; ++i) {
       const MeasuredForce& row = rows[static_cast<std::size_t>(i)];
       const Engagement e = straight_engagement(cutter, row.side, row.ae, row.ap);
-      const auto shape = unit_forces_with_runout(cutter, 1, e, row.feed_per_tooth, 0.5 * out.reading, phase);
+      const auto shape = unit_forces_with_runout(cutter, 1, e, row.feed_per_tooth, 0.5 * reading, phase);
       across.middleRows<2>(2 * i) = shape(Eigen::seqN(0, 2), {0, 1, 3, 4});
       along.row(i) = shape(2, {2, 5});
       force_across.segment<2>(2 * i) = row.mean.head<2>();
@@ -145,8 +280,15 @@ RunoutEffect runout_effect(const Cutter& cutter, const std::vector<MeasuredForce
       return Eigen::VectorXd(
           (A * scale.cwiseInverse().asDiagonal()).colPivHouseholderQr().solve(b).cwiseQuotient(scale));
     };
-    const Eigen::VectorXd x = solved(across, force_across), z = solved(along, force_along);
-    const std::array<double, 6> with{x[0], x[1], z[0], x[2], x[3], z[1]};
+    const Eigen::VectorXd x = solved(weights.across.asDiagonal() * across, weights.across.cwiseProduct(force_across));
+    const Eigen::VectorXd z = solved(weights.along.asDiagonal() * along, weights.along.cwiseProduct(force_along));
+    return {x[0], x[1], z[0], x[2], x[3], z[1]};
+  };
+  const std::array<double, 6> value = coefficients(0, 0);
+  std::array<double, 6> worst{};
+  double most = -1;
+  for (int place = 0; place < kPlaces; ++place) {
+    const std::array<double, 6> with = coefficients(out.reading, cutter.pitch_angle() * place / kPlaces);
     std::array<double, 6> change{};
     double size = 0;
     for (std::size_t k = 0; k < 6; ++k) {
@@ -207,6 +349,9 @@ Result<ForceTable> read_forces(const Cutter& cutter, const std::string& path, co
     POLYPOD_ASSIGN(x, table.number(row, "Fx_N"));
     POLYPOD_ASSIGN(y, table.number(row, "Fy_N"));
     POLYPOD_ASSIGN(z, table.number(row, "Fz_N"));
+    POLYPOD_ASSIGN(sigma, table.number(row, "sigma_N", 0));
+    if (sigma < 0 || sigma > kLargestForce_N)
+      return fail("ID120", fmt::format("sigma_N = {:g}: 0 to {:g}", sigma, kLargestForce_N), m.place);
     const std::string direction = table.text(row, "direction");
     if (direction == "up") {
       m.side = CutSide::up;
@@ -241,6 +386,7 @@ Result<ForceTable> read_forces(const Cutter& cutter, const std::string& path, co
     m.ap = units::from_mm(ap);
     m.ae = units::from_mm(ae);
     m.mean = Vec3(x, y, z);
+    m.sigma = sigma;
     out.cuts.push_back(std::move(m));
   }
   POLYPOD_TRY(csv::no_row_twice(table));
@@ -259,8 +405,13 @@ Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::
                 "measure three cuts at least, at two feeds or more");
   }
   const Eigen::Index n = static_cast<Eigen::Index>(rows.size());
-  Eigen::MatrixXd across(2 * n, 6), along(n, 6);
-  Eigen::VectorXd force_across(2 * n), force_along(n);
+  Equations across{Eigen::MatrixXd(2 * n, 6), Eigen::VectorXd(2 * n), {0, 1, 3, 4}, {}, {}};
+  Equations along{Eigen::MatrixXd(n, 6), Eigen::VectorXd(n), {2, 5}, {}, {}};
+  out.noise_stated = std::all_of(rows.begin(), rows.end(), [](const MeasuredForce& row) { return row.sigma > 0; });
+  if (out.noise_stated) {
+    across.stated.resize(2 * n);
+    along.stated.resize(n);
+  }
   std::vector<Eigen::Matrix<double, 3, 6>> shapes;
   for (Eigen::Index i = 0; i < n; ++i) {
     const MeasuredForce& row = rows[static_cast<std::size_t>(i)];
@@ -271,14 +422,21 @@ Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::
       unit.*kCoefficient[k] = 1;
       shape.col(k) = mean_force(cutter, unit, e, row.feed_per_tooth);
     }
-    across.middleRows<2>(2 * i) = shape.topRows<2>();
-    along.row(i) = shape.row(2);
-    force_across.segment<2>(2 * i) = row.mean.head<2>();
-    force_along[i] = row.mean.z();
+    across.A.middleRows<2>(2 * i) = shape.topRows<2>();
+    along.A.row(i) = shape.row(2);
+    across.force.segment<2>(2 * i) = row.mean.head<2>();
+    along.force[i] = row.mean.z();
+    across.axis.insert(across.axis.end(), {0, 1});
+    along.axis.push_back(2);
+    if (out.noise_stated) {
+      across.stated.segment<2>(2 * i).setConstant(row.sigma);
+      along.stated[i] = row.sigma;
+    }
     shapes.push_back(shape);
   }
-  POLYPOD_TRY(solve(across, force_across, {0, 1, 3, 4}, out));
-  POLYPOD_TRY(solve(along, force_along, {2, 5}, out));
+  POLYPOD_ASSIGN(variance_across, solve(across, out));
+  POLYPOD_ASSIGN(variance_along, solve(along, out));
+  if (out.noise_stated) out.times_stated = std::sqrt(out.times_stated / static_cast<double>(3 * n - 6));
   Eigen::Matrix<double, 6, 1> K;
   for (int k = 0; k < 6; ++k) {
     K[k] = out.value[static_cast<std::size_t>(k)];
@@ -288,8 +446,9 @@ Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::
     }
   }
   POLYPOD_TRY(of_a_metal(out.material));
-  out.lack_of_fit = lack_of_fit(cutter, rows, force_across);
-  out.runout = runout_effect(cutter, rows, runout, out.value, out.material);
+  out.lack_of_fit = lack_of_fit(cutter, rows, across.force, variance_across);
+  const Weights weights{variance_across.cwiseSqrt().cwiseInverse(), variance_along.cwiseSqrt().cwiseInverse()};
+  out.runout = runout_effect(cutter, rows, runout, weights, out.material);
   for (std::size_t k = 0; k < 6 && out.runout.given; ++k)
     out.half_interval[k] = std::hypot(out.half_interval[k], out.runout.change[k]);
   double sum = 0;
@@ -303,9 +462,12 @@ Result<CuttingIdentification> identify_cutting(const Cutter& cutter, const std::
   out.residual_rms = std::sqrt(sum / double(out.equations));
   constexpr Eigen::Index kEnough = 10;  // cuts: of fewer the median says nothing
   for (int axis = 0; axis < 3 && n >= kEnough; ++axis) {
-    const double limit = kOutlier * robust_deviation(residuals.row(axis).transpose());
+    Eigen::VectorXd over(n);  // the noise of each
+    for (Eigen::Index i = 0; i < n; ++i)
+      over[i] = residuals(axis, i) * (axis == 2 ? weights.along[i] : weights.across[2 * i + axis]);
+    const double limit = kOutlier * robust_deviation(over);
     for (Eigen::Index i = 0; i < n; ++i) {
-      if (std::abs(residuals(axis, i)) > limit && limit > 1e-9) {
+      if (std::abs(over[i]) > limit && std::abs(residuals(axis, i)) > 1e-9) {
         out.outliers.push_back({static_cast<std::size_t>(i), axis, residuals(axis, i)});
       }
     }

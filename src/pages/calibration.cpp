@@ -531,8 +531,11 @@ void add_summary(report::Report& page, std::size_t points, const statics::Identi
     page.add_text(fmt::format("{} and {} are highly correlated: their estimates correlate by {}.", r.joint[i],
                               r.joint[j], fixed(r.correlation[i][j], 3)));
   }
-  page.add_text(fmt::format("Measured cross displacements differ from symmetry by {} µm rms: {}.",
-                            fixed(to_um(r.asymmetry_rms), 1), r.symmetric ? "no more than noise" : "more than noise"));
+  page.add_text(r.pairs == 0
+                    ? std::string("No two cross displacements of a pair were measured, so that symmetry is not judged.")
+                    : fmt::format("Measured cross displacements differ from symmetry by {} µm rms: {}.",
+                                  fixed(to_um(r.asymmetry_rms), 1),
+                                  r.symmetric ? "no more than noise" : "more than noise"));
   for (std::size_t i = 0; i < r.compliance.size(); ++i) {
     if (!r.told[i])
       page.add_text(

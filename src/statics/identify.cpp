@@ -9,12 +9,15 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <string_view>
 
 #include "not_negative.hpp"
 #include "polypod/core/csv.hpp"
+#include "polypod/core/distributions.hpp"
 #include "polypod/core/statistics.hpp"
 #include "polypod/core/units.hpp"
+#include "stated_noise.hpp"
 
 namespace polypod::statics {
 namespace {
@@ -25,6 +28,10 @@ constexpr double kUnbelievable = 0.05;
 constexpr double kNotApart = 1e8;
 constexpr double kAlike = 0.9;    // correlation of two estimates from which on the sum is known better than the two
 constexpr double kOutlier = 3.5;  // robust standard deviations
+// Misfit and asymmetry that are named are of a size that matters, and such as chance makes in one of 200 perfect
+// machines each: both together in one of 100.
+constexpr double kMatters = 1.5;
+constexpr double kChance = 0.005;
 
 constexpr const char* kAxes = "xyz";
 constexpr double kJointsOffPlace = 10e-3;               // m, between the pose and that of the file's joints ...
@@ -134,59 +141,59 @@ double bound_above(double mean, double deviation) {
 /// Asymmetry of the cross displacements, by pair: half the difference, each displacement at the force of its column.
 struct Asymmetry {
   std::array<std::vector<double>, 3> half;  // m; of dy_Fx and dx_Fy, dz_Fx and dx_Fz, dz_Fy and dy_Fz
+  double squares = 0;                       // m^2, of all
+  double weighted = 0;                      // m^2, each times the weight of its row
   [[nodiscard]] std::size_t count() const { return half[0].size() + half[1].size() + half[2].size(); }
 };
 Asymmetry asymmetry_of(const std::vector<MeasuredPoint>& points) {
   constexpr std::array<std::pair<int, int>, 3> kPairs{{{0, 1}, {0, 2}, {1, 2}}};
+  const double rms = stated_noise(points);
   Asymmetry out;
   for (const MeasuredPoint& p : points) {
+    const double weight = rms > 0 ? rms / p.sigma : 1.0;
     const Vec3 forces = p.forces();
     for (std::size_t k = 0; k < kPairs.size(); ++k) {
       const auto [i, j] = kPairs[k];
       if (!p.given(i, j) || !p.given(j, i)) continue;
       // C_ij is told by both, each with the noise of a displacement over its force.
       const double size = std::sqrt(2 / (1 / (forces[i] * forces[i]) + 1 / (forces[j] * forces[j])));
-      out.half[k].push_back(0.5 * size * (p.displacement(i, j) / forces[j] - p.displacement(j, i) / forces[i]));
+      const double half = 0.5 * size * (p.displacement(i, j) / forces[j] - p.displacement(j, i) / forces[i]);
+      out.half[k].push_back(half);
+      out.squares += half * half;
+      out.weighted += weight * weight * half * half;
     }
   }
   return out;
 }
 
-/// The noise of a displacement, as the asymmetry of the cross displacements tells it: about its mean, pair by pair.
-double noise_of(const Asymmetry& asymmetry) {
-  double sum = 0, freedoms = 0;
+/// What half the differences say of their scatter about the mean of their pair, and of these means.
+struct Scatter {
+  double within = 0, freedoms = 0;  // m^2: squares about the means
+  double between = 0, means = 0;    // m^2: squares that the means make, and how many there are
+  double largest = 0;               // m: of the means
+};
+Scatter scatter_of(const Asymmetry& asymmetry) {
+  Scatter out;
   for (const std::vector<double>& half : asymmetry.half) {
     if (half.size() < 2) continue;
-    const double mean = std::accumulate(half.begin(), half.end(), 0.0) / double(half.size());
-    for (const double a : half) sum += (a - mean) * (a - mean);
-    freedoms += double(half.size() - 1);
-  }
-  // Half the difference of two readings spreads by 1 / sqrt 2 of one reading's noise.
-  return freedoms > 0 ? std::sqrt(2 * sum / freedoms) : 0.0;
-}
-
-/// Whether a pair of cross displacements is off by a constant that its scatter does not explain.
-bool leans(const Asymmetry& asymmetry) {
-  constexpr double kSure = 4;  // standard errors of the mean
-  for (const std::vector<double>& half : asymmetry.half) {
-    if (half.size() < 3) continue;
     const auto n = double(half.size());
     const double mean = std::accumulate(half.begin(), half.end(), 0.0) / n;
-    double spread = 0;
-    for (const double a : half) spread += (a - mean) * (a - mean) / (n - 1);
-    if (std::abs(mean) > 1e-12 && std::abs(mean) > std::sqrt(spread) && std::abs(mean) > kSure * std::sqrt(spread / n))
-      return true;
+    for (const double a : half) out.within += (a - mean) * (a - mean);
+    out.freedoms += n - 1;
+    out.between += n * mean * mean;
+    ++out.means;
+    out.largest = std::max(out.largest, std::abs(mean));
   }
-  return false;
+  return out;
 }
 
-double stated_noise(const std::vector<MeasuredPoint>& points) {
-  double sum = 0;
-  for (const MeasuredPoint& p : points) {
-    if (!(p.sigma > 0)) return 0;
-    sum += p.sigma * p.sigma;
-  }
-  return points.empty() ? 0 : std::sqrt(sum / double(points.size()));
+/// Whether a pair of cross displacements is off by a constant that its scatter does not explain (F test).
+bool leans(const Scatter& scatter) {
+  constexpr double kDigits = 1e-12;  // m, what rounding leaves
+  if (!(scatter.freedoms > 0) || scatter.largest < kDigits) return false;
+  const double variance = scatter.within / scatter.freedoms;
+  return scatter.largest > std::sqrt(variance) &&
+         scatter.between / scatter.means > f_quantile(kChance, scatter.means, scatter.freedoms) * variance;
 }
 
 /// The columns among those that are told whose standard error is more than ten times the largest compliance of their
@@ -319,6 +326,34 @@ Status fit_told(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, Identificati
     }
     for (const int k : more) out.told[static_cast<std::size_t>(k)] = false;
   }
+}
+
+/// Noise, what is left against it, and symmetry. `squares`: of the weighted residuals, m^2.
+void judge_noise(double stated, double squares, const Asymmetry& asymmetry, Identification& out) {
+  // Half the difference of two readings spreads by 1 / sqrt 2 of one reading's noise.
+  constexpr double kOfSignal = 0.2;
+  // What the bound holds at 0 is not fitted.
+  double fitted = 0;
+  for (std::size_t k = 0; k < out.told.size(); ++k) fitted += out.told[k] && out.compliance[k] > 0 ? 1 : 0;
+  const Scatter scatter = scatter_of(asymmetry);
+  const auto pairs = double(out.pairs);
+  out.noise_stated = stated > 0;
+  out.misfit_freedoms = double(out.equations) - fitted - (out.noise_stated ? 0 : pairs);
+  if (!out.noise_stated) squares -= 2 * asymmetry.squares;
+  out.misfit = out.misfit_freedoms > 0 ? std::sqrt(std::max(0.0, squares) / out.misfit_freedoms) : 0.0;
+  if (out.noise_stated) {
+    out.noise = stated;
+    out.noise_freedoms = std::numeric_limits<double>::infinity();
+    const double most =
+        pairs > 0 ? std::max(kMatters, std::sqrt(f_quantile(kChance, pairs, out.noise_freedoms))) : kMatters;
+    out.symmetric = std::sqrt(2 * asymmetry.weighted) <= most * stated * std::sqrt(pairs) + 1e-12;
+  } else {
+    out.noise = scatter.freedoms > 0 ? std::sqrt(2 * scatter.within / scatter.freedoms) : 0.0;
+    out.noise_freedoms = scatter.freedoms;
+    out.symmetric = !leans(scatter) && out.asymmetry_rms <= kOfSignal * out.signal_rms;
+  }
+  if (out.noise_known())
+    out.misfit_limit = std::max(kMatters, std::sqrt(f_quantile(kChance, out.misfit_freedoms, out.noise_freedoms)));
 }
 
 /// Of each displacement over its standard deviation; all 1 where not every row states one.
@@ -464,9 +499,8 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
     b.segment<9>(9 * i) = points[i].displacement.reshaped();
   }
   const Asymmetry asymmetry = asymmetry_of(points);
-  for (const auto& half : asymmetry.half)
-    for (const double a : half) out.asymmetry_rms += a * a / double(asymmetry.count());
-  out.asymmetry_rms = std::sqrt(out.asymmetry_rms);
+  out.pairs = asymmetry.count();
+  if (out.pairs > 0) out.asymmetry_rms = std::sqrt(asymmetry.squares / double(out.pairs));
   out.turns = column_turns(machine);
   out.joint = column_names(machine);
   const std::vector<double> given = column_compliances(machine);
@@ -486,13 +520,7 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
   out.residual_rms = std::sqrt(r.squaredNorm() / double(out.equations));
   out.signal_rms = std::sqrt(b.squaredNorm() / double(out.equations));
   out.explained = 1 - r.squaredNorm() / b.squaredNorm();
-  if (!(noise > 0)) noise = stated_noise(points);
-  out.noise_stated = noise > 0;
-  out.noise = out.noise_stated ? noise : noise_of(asymmetry);
-  // Half the difference of two readings spreads by 1 / sqrt 2 of one reading's noise.
-  constexpr double kAskew = 1.5, kOfSignal = 0.2;
-  out.symmetric = out.noise_stated ? out.asymmetry_rms <= kAskew * out.noise / std::sqrt(2.0) + 1e-12
-                                   : !leans(asymmetry) && out.asymmetry_rms <= kOfSignal * out.signal_rms;
+  judge_noise(noise > 0 ? noise : stated_noise(points), weight.cwiseProduct(r).squaredNorm(), asymmetry, out);
   for (int k = 0; k < n; ++k)
     for (int j = 0; j < k; ++j)
       if (std::abs(out.correlation[std::size_t(k)][std::size_t(j)]) > kAlike) out.hardly_apart.push_back({j, k});
@@ -500,13 +528,15 @@ Result<Identification> identify_compliance(const AnyMachine& machine, const std:
   Eigen::Index filled = 0;
   for (std::size_t i = 0; i < points.size(); ++i)
     for (int k = 0; k < 9; ++k)
-      if (points[i].given(k % 3, k / 3)) measured[filled++] = r[9 * static_cast<Eigen::Index>(i) + k];
+      if (const auto at = 9 * static_cast<Eigen::Index>(i) + k; points[i].given(k % 3, k / 3))
+        measured[filled++] = weight[at] * r[at];
   const double limit = kOutlier * robust_deviation(measured);
   for (std::size_t i = 0; i < points.size(); ++i) {
     out.residuals.push_back(r.segment<9>(9 * i).reshaped(3, 3));
     for (int f = 0; f < 3; ++f)
       for (int d = 0; d < 3; ++d)
-        if (std::abs(out.residuals.back()(d, f)) > limit) out.outliers.push_back({i, d, f, out.residuals.back()(d, f)});
+        if (weight[9 * static_cast<Eigen::Index>(i)] * std::abs(out.residuals.back()(d, f)) > limit)
+          out.outliers.push_back({i, d, f, out.residuals.back()(d, f)});
   }
   return out;
 }

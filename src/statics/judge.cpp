@@ -16,6 +16,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/measured_map.hpp"
+#include "stated_noise.hpp"
 
 namespace polypod::statics {
 namespace {
@@ -36,12 +37,23 @@ constexpr std::size_t kFewestForFile = 4;  // points that a file must have to be
 constexpr std::size_t kNamedRows = 6;      // rows that a message lists
 constexpr const char* kAxes = "xyz";
 
+/// What the joints of machines have: from rotary tables of machine tools to light arms, from guideways to light rods.
+/// The stiffest joint may be a tenth of what the softest has at the least, and the softest ten times what the stiffest
+/// has at the most.
+struct Usual {
+  double stiffest_least, softest_least, stiffest_most, softest_most;
+  const char* unit;
+};
+constexpr Usual kTurning{1e-9, 1e-8, 1e-4, 1e-3, "rad/Nm"};
+constexpr Usual kSliding{1e-10, 1e-9, 1e-5, 1e-4, "m/N"};
+
 /// One point as the judge sees it.
 struct Row {
   const MeasuredPoint* point = nullptr;
   std::vector<Mat3> unit;  ///< J_k J_k^T; empty where the machine cannot take the pose
   std::size_t file = 0;
   bool flagged = false;
+  double weight = 1;  ///< of its residual: the noise of all rows over its own, where each row states one
   [[nodiscard]] double equations() const { return double(point->equations()); }
 };
 
@@ -199,6 +211,11 @@ double residual_square(const MeasuredPoint& p, const Mat3& C) {
   return square(p.displacement - p.computed(C), p);
 }
 
+/// rms of what a compliance leaves of a row, by its weight.
+double residual_of(const Row& row, const MeasuredPoint& read, const Mat3& C) {
+  return row.weight * std::sqrt(residual_square(read, C) / std::max(1.0, double(read.equations())));
+}
+
 double median(std::vector<double> values) {
   if (values.empty()) return 0;
   const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
@@ -234,10 +251,13 @@ std::string likely(double factor) {
 
 class Judge {
  public:
-  Judge(const AnyMachine& machine, const std::vector<MeasuredPoint>& points) {
+  Judge(const AnyMachine& machine, const std::vector<MeasuredPoint>& points) : machine_(&machine) {
     std::vector<std::string> files;
+    stated_ = stated_noise(points);
     for (const MeasuredPoint& point : points) {
-      Row row{&point, {}, 0, false};
+      Row row;
+      row.point = &point;
+      if (stated_ > 0) row.weight = stated_ / point.sigma;
       if (const auto q = joints_of(machine, point)) row.unit = unit_compliances(machine, point.X_MT, *q);
       const auto at = std::find(files.begin(), files.end(), point.place.file);
       row.file = std::size_t(at - files.begin());
@@ -261,6 +281,7 @@ class Judge {
       if (!arrangement()) single_rows();
     }
     if (out_.errors.empty()) not_positive();
+    if (out_.errors.empty() && own_.size() == 0) unusual();
     return std::move(out_);
   }
 
@@ -288,6 +309,15 @@ class Judge {
     noise_compliance_ = kNormalPerMad * median(half);  // of the mean of two readings
   }
 
+  /// Of a compliance of the point, m/N.
+  [[nodiscard]] double noise_compliance(const MeasuredPoint& p) const {
+    if (!(stated_ > 0)) return noise_compliance_;
+    double least = p.force;
+    for (const double force : p.forces().cwiseAbs())
+      if (force > 0) least = std::min(least, force);
+    return p.sigma / least;
+  }
+
   /// c >= 0 of the points that agree: large ones weigh no more than the median one, and points that stay 3 times the
   /// median residual away are left out.
   [[nodiscard]] Eigen::VectorXd robust_fit(const std::vector<const Row*>& rows) const {
@@ -295,17 +325,18 @@ class Judge {
     for (const Row* row : rows)
       sizes.push_back(std::sqrt(square(row->point->displacement, *row->point) / row->equations()));
     const double middle = median(sizes);
-    for (const double size : sizes) weights.push_back(size > middle ? std::pow(middle / size, 2) : 1.0);
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      weights.push_back(std::pow(rows[i]->weight * std::min(1.0, middle / sizes[i]), 2));
     Eigen::VectorXd c;
     for (int round = 0; round < 6; ++round) {
       Fitting fitting{Eigen::Index(columns_)};
       for (std::size_t i = 0; i < rows.size(); ++i) fitting.add(*rows[i]->point, rows[i]->unit, weights[i]);
       c = fitting.solve();
       std::vector<double> residuals;
-      for (const Row* row : rows)
-        residuals.push_back(std::sqrt(residual_square(*row->point, sum_of(row->unit, c)) / row->equations()));
-      const double typical = median(residuals);
-      for (std::size_t i = 0; i < rows.size(); ++i) weights[i] = residuals[i] <= 3 * typical ? 1 : 0;
+      for (const Row* row : rows) residuals.push_back(residual_of(*row, *row->point, sum_of(row->unit, c)));
+      const double typical = std::max(median(residuals), stated_);
+      for (std::size_t i = 0; i < rows.size(); ++i)
+        weights[i] = residuals[i] <= 3 * typical ? rows[i]->weight * rows[i]->weight : 0;
     }
     return c;
   }
@@ -463,9 +494,9 @@ class Judge {
     Eigen::VectorXd model;
     for (const Eigen::VectorXd& c : models) {
       std::vector<double> its;
-      for (const Row* row : rows)
-        its.push_back(std::sqrt(residual_square(*row->point, sum_of(row->unit, c)) / row->equations()));
-      if (const double middle = median(its); middle < typical) {
+      for (const Row* row : rows) its.push_back(residual_of(*row, *row->point, sum_of(row->unit, c)));
+      // Readings are no nearer to each other than their stated noise makes them.
+      if (const double middle = std::max(median(its), stated_); middle < typical) {
         typical = middle;
         residual = its;
         model = c;
@@ -476,22 +507,23 @@ class Judge {
       const MeasuredPoint& p = *rows[i]->point;
       const Mat3 C = sum_of(rows[i]->unit, model), expected = p.computed(C);
       const double count = rows[i]->equations(), signal = std::sqrt(square(expected, p) / count);
-      if (!(residual[i] > kStandsOut * typical && residual[i] > kOutOfSignal * signal)) continue;
+      const double weight = rows[i]->weight, off_by = residual[i] / weight, others = typical / weight;
+      if (!(residual[i] > kStandsOut * typical && off_by > kOutOfSignal * signal)) continue;
       rows_[std::size_t(rows[i] - rows_.data())].flagged = true;
       const Arrangement* best = nullptr;
       double least = std::numeric_limits<double>::infinity();
       for (const Arrangement& a : all) {
         const MeasuredPoint as = a.of(p);
-        const double left = std::sqrt(residual_square(as, C) / std::max(1.0, double(as.equations())));
+        const double left = residual_of(*rows[i], as, C);
         if (left < 0.9 * least) {
           least = left;
           best = &a;
         }
       }
-      if (best != nullptr && least < 0.35 * residual[i] && least < std::max(2 * typical, 0.05 * signal)) {
+      if (best != nullptr && least < 0.35 * residual[i] && least / weight < std::max(2 * others, 0.05 * signal)) {
         name(best->all_reversed ? "ID140" : "ID141", {rows[i]},
              fmt::format("the readings of this row are {:.0f} um off what the other rows say, {:.0f} um where {}",
-                         to_um(residual[i]), to_um(least), best->what),
+                         to_um(off_by), to_um(least / weight), best->what),
              best->hint);
         continue;
       }
@@ -499,17 +531,21 @@ class Judge {
       int direction = 0, force = 0;
       const double worst = off.cwiseAbs().maxCoeff(&direction, &force);
       const double rest = std::sqrt(std::max(0.0, off.squaredNorm() - worst * worst) / std::max(1.0, count - 1));
-      if (rest < 2 * typical) {
+      const std::string expected_noise =
+          stated_ > 0
+              ? fmt::format("where noise (its sigma_um and the misfit of the others) makes {:.0f} um", to_um(others))
+              : fmt::format("which are off by {:.0f} um", to_um(others));
+      if (rest < 2 * others) {
         name("ID144", {rows[i]},
-             fmt::format("the reading d{}_F{} is {:.0f} um off what the other rows say, which are off by {:.0f} um",
-                         kAxes[direction], kAxes[force], to_um(off(direction, force)), to_um(typical)),
+             fmt::format("the reading d{}_F{} is {:.0f} um off what the other rows say, {}", kAxes[direction],
+                         kAxes[force], to_um(off(direction, force)), expected_noise),
              "read that gauge again, or leave the cell blank", true);
         continue;
       }
       name("ID144", {rows[i]},
-           fmt::format("this row is {:.0f} um off what the other rows say, which are off by {:.0f} um; over force its "
-                       "displacements are {:.2g} times what they say",
-                       to_um(residual[i]), to_um(typical), size_of(p, C)),
+           fmt::format("this row is {:.0f} um off what the other rows say, {}; over force its displacements are {:.2g} "
+                       "times what they say",
+                       to_um(off_by), expected_noise, size_of(p, C)),
            "check pose, force and displacements of this row", true);
     }
   }
@@ -534,7 +570,7 @@ class Judge {
           most = std::max(most, std::abs(C(i, i)));
         }
       }
-      if (!(least < -std::max(kNotPositive * most, kSureOfNoise * noise_compliance_))) continue;
+      if (!(least < -std::max(kNotPositive * most, kSureOfNoise * noise_compliance(p)))) continue;
       against.push_back(&row);
       worst = std::min(worst, least);
     }
@@ -544,10 +580,51 @@ class Judge {
          "no machine does that: is a sign wrong, a unit mixed, are columns exchanged, or is a reading off?");
   }
 
+  /// Where the machine has no compliances to compare with: those that no joint of a machine has.
+  void unusual() {
+    std::vector<MeasuredPoint> points;
+    for (const Row& row : rows_) points.push_back(*row.point);
+    const auto fit = identify_compliance(*machine_, points);
+    if (!fit) return;
+    for (const bool turns : {true, false}) {
+      const Usual& usual = turns ? kTurning : kSliding;
+      // The bounds of what the readings say of them, two standard errors from the values.
+      constexpr double kInfinity = std::numeric_limits<double>::infinity();
+      double stiffest_at_most = kInfinity, stiffest_at_least = kInfinity, softest_at_most = 0, softest_at_least = 0;
+      for (std::size_t k = 0; k < fit->compliance.size(); ++k) {
+        if (!fit->told[k] || fit->turns[k] != turns || !(fit->compliance[k] > 0)) continue;
+        const double c = fit->compliance[k], open = 2 * fit->standard_error[k];
+        stiffest_at_most = std::min(stiffest_at_most, c + open);
+        stiffest_at_least = std::min(stiffest_at_least, c - open);
+        softest_at_most = std::max(softest_at_most, c + open);
+        softest_at_least = std::max(softest_at_least, c - open);
+      }
+      if (!(softest_at_most > 0)) continue;
+      const bool stiff = stiffest_at_most < usual.stiffest_least || softest_at_most < usual.softest_least;
+      const bool soft = stiffest_at_least > usual.stiffest_most || softest_at_least > usual.softest_most;
+      if (!stiff && !soft) continue;
+      double least = kInfinity, most = 0;
+      for (std::size_t k = 0; k < fit->compliance.size(); ++k) {
+        if (!fit->told[k] || fit->turns[k] != turns || !(fit->compliance[k] > 0)) continue;
+        least = std::min(least, fit->compliance[k]);
+        most = std::max(most, fit->compliance[k]);
+      }
+      out_.doubts.push_back(
+          Error{"ID148",
+                fmt::format("the compliances come out between {:.2g} and {:.2g} {}: no joints of machines are so {}",
+                            least, most, usual.unit, stiff ? "stiff" : "soft"),
+                rows_.front().point->place,
+                stiff ? "are displacements in mm? they are read in um; or are forces too large, as in another unit?"
+                      : "is the force in kN, or are displacements in nm? they are read in N and um"});
+    }
+  }
+
+  const AnyMachine* machine_;
   std::vector<Row> rows_;
   std::size_t files_ = 0, columns_ = 0;
   Eigen::VectorXd own_;  ///< the machine's compliances; empty where it has none
   double noise_compliance_ = 0;
+  double stated_ = 0;  ///< m, noise of a displacement that the rows state; 0 where not all do
   Judgement out_;
 };
 
@@ -589,33 +666,36 @@ std::string bounded_only(const Identification& fit) {
 
 Verdict verdict_of(const Identification& fit, const Judgement& judgement) {
   using Answer = Verdict::Answer;
-  constexpr double kMoreThanNoise = 1.5, kLeastExplained = 0.8;
+  constexpr double kLeastExplained = 0.8;
+  constexpr double kWeak = 2;  // times the noise: from there on the answer says how little was tested
   std::string fits =
       fmt::format("The compliances explain {:.1f} % of the signal (R^2) of {:.1f} um and leave {:.1f} um",
                   100 * fit.explained, to_um(fit.signal_rms), to_um(fit.residual_rms));
-  const double times = fit.noise > 0 ? fit.residual_rms / fit.noise : 0;
-  if (fit.noise > 0) {
-    fits += fmt::format(", {:.1f} times the noise of a displacement ({:.1f} um, {})", times, to_um(fit.noise),
-                        fit.noise_stated ? "as stated" : "from the asymmetry of the cross displacements");
+  const char* source = fit.noise_stated ? "as stated" : "from the asymmetry of the cross displacements";
+  if (!fit.noise_known()) {
+    fits += "; nothing says how much of that is noise.";
+  } else if (fit.noise > 0) {
+    fits += fmt::format(", {:.1f} times the noise of a displacement ({:.1f} um, {}).", fit.residual_rms / fit.noise,
+                        to_um(fit.noise), source);
   } else {
-    fits += "; nothing says how much of that is noise";
+    fits += "; the cross displacements show no noise.";
   }
-  fits += ".";
-  // 1e-9 m: what a file's digits leave.
-  const bool beyond = fit.residual_rms > kMoreThanNoise * fit.noise + 1e-9;
   if (!judgement.errors.empty()) {
     const Error& e = judgement.errors.front();
     return {Answer::no, fmt::format("{} They cannot be: {}; {}", fits, e.message, e.hint)};
   }
-  if (fit.explained < kLeastExplained && beyond) {
+  if (fit.explained < kLeastExplained && (fit.more_than_noise() || !fit.noise_known())) {
     return {Answer::no, fits + " That is no model of this machine: check units, signs, axes, and the machine."};
   }
   if (!judgement.doubts.empty()) {
     const Error& e = judgement.doubts.front();
     return {Answer::in_part, fmt::format("{} Doubtful: {}.", fits, e.message)};
   }
-  if (fit.noise > 0 && beyond) {
-    return {Answer::in_part, fits + " More than noise is left: something else than these joints deflects, too."};
+  if (fit.more_than_noise()) {
+    return {Answer::in_part,
+            fmt::format("{} More than noise is left: for each degree of freedom {:.1f} um, where noise explains up to "
+                        "{:.1f} um. Something else than these joints deflects, too, or readings are off.",
+                        fits, to_um(fit.misfit), to_um(fit.misfit_limit * fit.noise))};
   }
   std::string untold;
   for (std::size_t k = 0; k < fit.told.size(); ++k)
@@ -633,9 +713,20 @@ Verdict verdict_of(const Identification& fit, const Judgement& judgement) {
                         "standard errors. Measure at more poses, or with larger forces.",
                         fits, hardly)};
   }
-  if (!fit.symmetric) {
+  if (fit.pairs > 0 && !fit.symmetric) {
     return {Answer::in_part, fits + " The cross displacements are not symmetric, as those of an elastic machine are."};
   }
+  if (!fit.noise_known()) {
+    const char* more = fit.pairs == 0 ? "load in a second direction" : "measure at more poses";
+    return {Answer::in_part, fmt::format("{} Whether something else than these joints deflects is therefore not "
+                                         "judged: state the noise (--noise-um), or {}.",
+                                         fits, more)};
+  }
+  if (fit.misfit_limit > kWeak) {
+    fits += fmt::format(" So few readings show something else that deflects only from {:.1f} times the noise on.",
+                        fit.misfit_limit);
+  }
+  if (fit.pairs == 0) fits += " Symmetry is not judged: no two cross displacements of a pair were measured.";
   return {Answer::yes, fits};
 }
 

@@ -5,13 +5,14 @@
 
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <set>
 
-#include "distributions.hpp"
 #include "paths.hpp"
 #include "polypod/calibration/calibrate.hpp"
 #include "polypod/calibration/poses.hpp"
 #include "polypod/calibration/simulate.hpp"
+#include "polypod/core/distributions.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/random.hpp"
 #include "polypod/core/units.hpp"
@@ -59,6 +60,11 @@ TEST(Distributions, AgainstTables) {
   EXPECT_NEAR(chi_square_above(2.5582, 10), 0.99, 2e-6);
   EXPECT_NEAR(f_above(4.1028, 2, 10), 0.05, 2e-6);
   EXPECT_NEAR(f_above(2.3479, 10, 20), 0.05, 2e-6);
+  EXPECT_NEAR(f_quantile(0.05, 2, 10), 4.1028, 1e-4);
+  EXPECT_NEAR(f_quantile(0.05, 10, 20), 2.3479, 1e-4);
+  EXPECT_NEAR(f_quantile(0.01, 6, 3), 27.911, 1e-3);
+  EXPECT_NEAR(f_quantile(0.01, 1, 1), 4052.2, 0.1);
+  EXPECT_NEAR(f_quantile(0.05, 10, std::numeric_limits<double>::infinity()), 1.8307, 1e-4);
   EXPECT_NEAR(student_quantile(0.05, 10), 2.228139, 1e-5);
   EXPECT_NEAR(student_quantile(0.05, 1), 12.70620, 1e-4);
   EXPECT_NEAR(student_quantile(0.05, 1e6), 1.959966, 1e-5);

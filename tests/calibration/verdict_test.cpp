@@ -301,6 +301,34 @@ TEST(Verdict, WithTheFrameEstimatedMoreRowsAreNotAdvised) {
   EXPECT_THAT(c.verdict.text, Not(HasSubstr("more rows, or poses")));
 }
 
+// Base and tool of an arm that nobody knows: what is linearly dependent on them is named, and with that fixed the
+// answer is yes, for the pose of the tool in the frame and with the target that were found.
+TEST(Verdict, WhatDependsOnFrameAndTargetIsNamed) {
+  const Measured m = measured("lola50", 1, Kind::point, 60, 2);
+  CalibrationOptions options;
+  options.estimate_frame = options.estimate_target = true;
+  const Calibration open = calibrated(m, options);
+  ASSERT_NE(open.verdict.answer, Answer::better);
+  const std::string& text = open.verdict.text;
+  for (std::size_t at = text.find("--fix '"); at != std::string::npos; at = text.find("--fix '", at + 1)) {
+    const std::size_t begin = at + std::string("--fix '").size();
+    options.hold.push_back(text.substr(begin, text.find('\'', begin) - begin));
+  }
+  ASSERT_FALSE(options.hold.empty()) << text;
+  const Calibration held = calibrated(m, options);
+  EXPECT_EQ(held.verdict.answer, Answer::better) << held.verdict.text;
+  // Poses that were not measured, in the instrument's frame: the truth is there with frame and target of identity.
+  double before = 0, after = 0;
+  for (const Stand& stand : random_stands(m.nominal, 50, 9)) {
+    const auto truth = kinematics::forward(m.truth, stand.q).poses,
+               found = kinematics::forward(held.machine, stand.q).poses;
+    if (truth.empty() || found.empty()) continue;
+    before = std::max(before, (stand.X_MT.p - truth[0].p).norm());
+    after = std::max(after, ((held.X_SM * found[0] * held.X_TR).p - truth[0].p).norm());
+  }
+  EXPECT_LT(after, 0.2 * before);
+}
+
 TEST(Verdict, OutliersAreNamedBesideLargeResiduals) {
   const Measured m = measured("delta-linear", 1, Kind::point, 60, 2, [](SimulationOptions& how) {
     how.outliers = 0.15;

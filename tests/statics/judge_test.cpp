@@ -294,6 +294,147 @@ TEST(Identify, SymmetryIsJudgedAgainstNoise) {
   EXPECT_FALSE(identify_compliance(lola(), plane("V"), 3e-6)->symmetric) << "of a stated noise of 3 um";
 }
 
+/// A milling arm with compliances that its file does not have, at six poses that differ much.
+class MillingArm : public ::testing::Test {
+ protected:
+  machine::AnyMachine bare_ = *machine::load(data("arm_mill.toml"));
+  machine::AnyMachine truth_ = *with_compliances(bare_, {7e-7, 6e-7, 9e-7, 40e-7, 50e-7, 70e-7});
+  static constexpr double kForce = 300;  // N
+
+  /// What the machine shows without noise at the first `count` poses.
+  std::vector<MeasuredPoint> exact(std::size_t count) const {
+    const struct {
+      double x, y, z, a, b, c;  // mm, deg
+    } places[] = {{0, 0, 0, 0, 0, 0},        {-300, 300, 400, -20, 10, 20}, {100, -400, 300, 15, -10, 0},
+                  {300, 350, -100, 0, 0, 0}, {-250, -300, 150, 0, 0, 0},    {450, -100, 100, 10, 25, -30}};
+    std::vector<MeasuredPoint> out;
+    for (std::size_t i = 0; i < count; ++i) {
+      const auto& at = places[i];
+      MeasuredPoint p;
+      p.place = {"readings.csv", int(i) + 2, 1};
+      p.X_MT = Pose{rotation_abc(units::from_deg(at.a), units::from_deg(at.b), units::from_deg(at.c)),
+                    units::from_mm(1) * Vec3(at.x, at.y, at.z)};
+      p.force = kForce;
+      p.displacement = p.computed(*computed_compliance(truth_, p));
+      out.push_back(p);
+    }
+    return out;
+  }
+  static std::vector<MeasuredPoint> with_noise(std::vector<MeasuredPoint> points, std::uint64_t seed, double noise) {
+    Random random(seed);
+    for (MeasuredPoint& p : points)
+      for (double& d : p.displacement.reshaped()) d += (p.sigma > 0 ? p.sigma : noise) * random.normal();
+    return points;
+  }
+  Verdict verdict(const std::vector<MeasuredPoint>& points, double noise = 0) const {
+    const auto fit = identify_compliance(bare_, points, noise);
+    EXPECT_TRUE(fit) << (fit ? "" : to_string(fit.error()));
+    return verdict_of(*fit, judge(bare_, points));
+  }
+  static void only_force_y(std::vector<MeasuredPoint>& points) {
+    for (MeasuredPoint& p : points) {
+      p.given.col(0) = false;
+      p.given.col(2) = false;
+      p.displacement.col(0).setZero();
+      p.displacement.col(2).setZero();
+      p.own_forces = Vec3(0, p.force, 0);
+    }
+  }
+};
+
+// Loads along one direction and no stated noise: neither is the residual compared with noise nor a pair of cross
+// displacements with each other, so there is no yes.
+TEST_F(MillingArm, NoYesWhereNothingTellsTheNoise) {
+  auto points = with_noise(exact(6), 3, 5e-6);
+  only_force_y(points);
+  const auto fit = identify_compliance(bare_, points);
+  ASSERT_TRUE(fit);
+  EXPECT_EQ(fit->pairs, 0u);
+  EXPECT_FALSE(fit->noise_known());
+  const Verdict none = verdict(points);
+  EXPECT_EQ(none.answer, Verdict::Answer::in_part);
+  EXPECT_THAT(none.why, HasSubstr("state the noise (--noise-um), or load in a second direction"));
+  const Verdict stated = verdict(points, 5e-6);
+  EXPECT_EQ(stated.answer, Verdict::Answer::yes) << stated.why;
+  EXPECT_THAT(stated.why, HasSubstr("Symmetry is not judged"));
+  EXPECT_EQ(verdict(points, 1e-6).answer, Verdict::Answer::in_part) << "5 times a stated noise";
+  // One pose has pairs, but none twice.
+  const Verdict one = verdict(with_noise(exact(1), 3, 1e-6));
+  EXPECT_EQ(one.answer, Verdict::Answer::in_part);
+  EXPECT_THAT(one.why, testing::AnyOf(HasSubstr("measure at more poses"), HasSubstr("Measure at more poses")));
+}
+
+// Each of the two tests calls one perfect machine in 200 wrong: of 300 sets 3, and 9 are more than three standard
+// deviations of the binomial distribution above that.
+TEST_F(MillingArm, FewPosesOfAPerfectMachineAreNoMisfit) {
+  for (const std::size_t poses : {2u, 3u, 6u}) {
+    const auto points = exact(poses);
+    int alarms = 0;
+    for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+      const auto fit = identify_compliance(bare_, with_noise(points, seed, 10e-6));
+      ASSERT_TRUE(fit);
+      alarms += fit->more_than_noise() || !fit->symmetric ? 1 : 0;
+    }
+    EXPECT_LE(alarms, 8) << poses << " poses";
+    alarms = 0;
+    for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+      const auto fit = identify_compliance(bare_, with_noise(points, seed, 10e-6), 10e-6);
+      alarms += fit->more_than_noise() || !fit->symmetric ? 1 : 0;
+    }
+    EXPECT_LE(alarms, 8) << poses << " poses, stated noise";
+  }
+  // Two poses test little, and the answer says so.
+  const Verdict few = verdict(with_noise(exact(2), 1, 10e-6));
+  EXPECT_EQ(few.answer, Verdict::Answer::yes) << few.why;
+  EXPECT_THAT(few.why, HasSubstr("So few readings show something else that deflects only from 6.7 times the noise on"));
+}
+
+// What the test must find: a foundation that gives way along y as much as the joints do.
+TEST_F(MillingArm, AFoundationThatDeflectsIsNamed) {
+  for (const std::size_t poses : {3u, 6u}) {
+    auto points = exact(poses);
+    for (std::size_t i = 0; i < poses; ++i) {
+      points[i].displacement(1, 1) += 500e-6;
+      points[i].displacement(2, 2) += i % 2 == 0 ? 300e-6 : -100e-6;
+    }
+    const auto fit = identify_compliance(bare_, with_noise(points, 4, 5e-6));
+    ASSERT_TRUE(fit);
+    EXPECT_TRUE(fit->more_than_noise()) << poses << " poses: " << fit->misfit / fit->noise << " times the noise";
+  }
+  auto leaning = with_noise(exact(3), 4, 5e-6);
+  for (MeasuredPoint& p : leaning) p.displacement(0, 1) += 60e-6;
+  EXPECT_FALSE(identify_compliance(bare_, leaning)->symmetric);
+}
+
+// A row with a sigma of its own is judged by that, and not by what other rows scatter.
+TEST_F(MillingArm, RowsAreJudgedByTheirOwnSigma) {
+  auto points = exact(6);
+  for (std::size_t i = 0; i < points.size(); ++i) points[i].sigma = i % 3 == 1 ? 40e-6 : 5e-6;
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    const Judgement j = judge(bare_, with_noise(points, seed, 0));
+    EXPECT_TRUE(j.good()) << seed << ": " << (j.errors.empty() ? j.doubts : j.errors).front().message;
+  }
+  auto off = with_noise(points, 1, 0);
+  off[2].displacement(1, 1) += 400e-6;
+  ASSERT_THAT(ids(judge(bare_, off).doubts), ::testing::ElementsAre("ID144"));
+  EXPECT_THAT(judge(bare_, off).doubts.front().message, HasSubstr("dy_Fy"));
+  EXPECT_THAT(identify_compliance(bare_, with_noise(points, 1, 0))->outliers.size(), ::testing::Le(3u));
+}
+
+// The machine has no compliances to compare with: those that no joint has are doubtful, and no yes.
+TEST_F(MillingArm, CompliancesThatNoJointHasAreDoubtful) {
+  for (const auto& [factor, says] : {std::pair{1e-3, "so stiff"}, {1e3, "so soft"}}) {
+    auto points = with_noise(exact(6), 2, 5e-6);
+    for (MeasuredPoint& p : points) p.displacement *= factor;
+    const Judgement j = judge(bare_, points);
+    EXPECT_TRUE(j.errors.empty());
+    ASSERT_EQ(ids(j.doubts), std::vector<std::string>{"ID148"}) << factor;
+    EXPECT_THAT(j.doubts.front().message, HasSubstr(says));
+    EXPECT_EQ(verdict(points).answer, Verdict::Answer::in_part);
+  }
+  EXPECT_TRUE(judge(bare_, with_noise(exact(6), 2, 5e-6)).good());
+}
+
 class DisplacementFiles : public ::testing::Test {
  protected:
   std::string write(const std::string& name, const std::string& text) {

@@ -90,11 +90,27 @@ struct Identification {
   /// has a variance, too, and two standard deviations of it are no less than what `upper_bound` leaves open.
   Eigen::MatrixXd covariance{};
   double asymmetry_rms = 0;   ///< m, half the difference of the measured cross displacements
+  std::size_t pairs = 0;      ///< of cross displacements of which both were measured; of none symmetry is not judged
   double noise = 0;           ///< m, of one displacement: stated, or from the asymmetry; 0 where neither tells it
   bool noise_stated = false;  ///< by the file or the caller
-  /// The asymmetry is no more than noise: at most 1.5 times what the stated noise explains; without a stated noise no
-  /// pair of cross displacements is off by a constant, and all are within a fifth of the signal.
+  /// Of the noise: infinite where it is stated, 0 where nothing tells it.
+  double noise_freedoms = 0;
+  /// m, what the joints leave for each degree of freedom, to be compared with the noise: of all equations where the
+  /// noise is stated; else without half the differences of the cross displacements, of which the noise is made and to
+  /// which a symmetric compliance adds nothing. The two are then independent.
+  double misfit = 0;
+  double misfit_freedoms = 0;
+  /// So many times the noise the misfit may be: 1.5, and more where chance alone makes more (F test, one in 200).
+  double misfit_limit = 0;
+  /// The asymmetry is no more than noise. With a stated one: at most 1.5 times what it explains, or what chance makes
+  /// of it (one in 200). Else: no pair of cross displacements is off by a constant (more than its scatter, and more
+  /// than chance makes, one in 200), and all are within a fifth of the signal.
   bool symmetric = true;
+
+  /// Whether noise and misfit are known well enough to be compared.
+  [[nodiscard]] bool noise_known() const { return noise_freedoms > 0 && misfit_freedoms > 0; }
+  /// More than noise is left over; 1e-9 m is what a file's digits leave. Never where the noise is not known.
+  [[nodiscard]] bool more_than_noise() const { return noise_known() && misfit > misfit_limit * noise + 1e-9; }
   std::vector<std::pair<int, int>> hardly_apart;  ///< columns whose estimates correlate by more than 0.9
   std::vector<Outlier> outliers;  ///< residuals beyond 3.5 robust standard deviations; they are kept in the fit
   std::vector<Mat3> residuals;    ///< m, measured less computed, like MeasuredPoint::displacement

@@ -18,7 +18,8 @@ struct Judgement {
   /// its hint, and the first row that shows it.
   std::vector<Error> errors;
   /// What may be, but is doubtful: ID143 a size far from the machine's own, ID144 readings that stand out from the
-  /// others. A command that builds on such data never answers yes.
+  /// others, ID148 compliances that no joints of machines have, where the machine has none. A command that builds on
+  /// such data never answers yes.
   std::vector<Error> doubts;
 
   [[nodiscard]] bool good() const { return errors.empty() && doubts.empty(); }
@@ -32,7 +33,8 @@ struct Judgement {
 /// - arrangement of each file: forces, displacements or both exchanged or reversed (signed permutations), one column
 ///   reversed, rows shifted by one; what leaves less than half of the residual is an error, where the residual is more
 ///   than a tenth of the signal.
-/// - each point: the same, where its residual is 4 times the median of all points; what no mistake explains is a doubt.
+/// - each point: the same, where its residual is 4 times the median of all points (over its sigma, where each row
+/// states one); what no mistake explains is a doubt.
 /// - each 3 x 3 matrix: an eigenvalue of (C + C^T) / 2 below 0 by more than noise and a tenth of the largest is an
 /// error.
 /// Points that the machine cannot take, and partial ones as far as they go, are judged without the model. Cost: 200
@@ -45,7 +47,9 @@ struct Verdict {
   std::string why;
 };
 /// Of a fit: no where the judgement has errors, or where the fit explains less than 80 % of the signal and leaves more
-/// than noise; in part where there are doubts, or where more than 1.5 times the noise is left; else yes.
+/// than noise; in part where there are doubts, where more than noise is left (Identification::more_than_noise), where
+/// nothing tells the noise, or where the cross displacements are not symmetric; else yes. A yes on few readings says
+/// how little they test.
 Verdict verdict_of(const Identification& fit, const Judgement& judgement);
 std::string_view name_of(Verdict::Answer answer);
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-namespace polypod::calibration {
+namespace polypod {
 
 /// Regularised incomplete beta function I_x(a, b) by Lentz's continued fraction (DLMF 8.17.22); a, b > 0. To 1e-12.
 inline double incomplete_beta(double a, double b, double x) {
@@ -69,6 +69,21 @@ inline double normal_above(double value) {
 inline double student_both(double t, double degrees) {
   return incomplete_beta(degrees / 2, 0.5, degrees / (degrees + t * t));
 }
+/// The F of so many degrees of freedom above and below that chance exceeds with the probability p, by bisection of its
+/// logarithm. An infinite number below is a variance that is known: chi-square over its degrees of freedom.
+inline double f_quantile(double p, double above, double below) {
+  const auto exceeded = [&](double f) {
+    return std::isfinite(below) ? f_above(f, above, below) : chi_square_above(above * f, above);
+  };
+  double low = -1, high = 1;
+  while (exceeded(std::exp(high)) > p && high < 500) high *= 2;
+  while (exceeded(std::exp(low)) < p && low > -500) low *= 2;
+  for (int k = 0; k < 100 && high - low > 1e-12; ++k) {
+    const double middle = (low + high) / 2;
+    (exceeded(std::exp(middle)) > p ? low : high) = middle;
+  }
+  return std::exp(high);
+}
 /// The t that |t| exceeds with the probability p, by bisection.
 inline double student_quantile(double p, double degrees) {
   double low = 0, high = 1;
@@ -80,4 +95,4 @@ inline double student_quantile(double p, double degrees) {
   return high;
 }
 
-}  // namespace polypod::calibration
+}  // namespace polypod
