@@ -225,7 +225,9 @@ Command calibrate_command() {
         a.option("--target", o->target, kTargetHelp);
         a.option("--parameter", o->only,
                  "Beginning of a key: identify these only; the others stay as uncertain as before (repeatable)");
-        a.option("--fix", o->hold, "Beginning of a key: keep these fixed, they are exact (repeatable)");
+        a.option("--fix", o->hold,
+                 "Beginning of a key: keep these fixed: they are exact, or linearly dependent on what is estimated, "
+                 "which takes their errors (repeatable)");
         a.option("--noise-um", o->noise_um, "Of the instrument, each coordinate (default 20)");
         a.option("--noise-deg", o->noise_deg, "Of the instrument, each angle (default 0.002)");
         a.option("--prior-mm", o->prior_mm,
