@@ -65,6 +65,7 @@ Json planning_json(const cell::Planning& p) {
                        {"score", plan.score},
                        {"best", plan.best ? Json(*plan.best) : Json(nullptr)},
                        {"best_of", plan.best_is},
+                       {"not_below", plan.bound ? Json(*plan.bound) : Json(nullptr)},
                        {"places", points_json(plan.places)}});
   }
   return {{"stations", p.stations},
@@ -396,8 +397,11 @@ void print_result(const cell::CellResult& r) {
   for (const std::string& text : r.assumed) fmt::print("assumed    {}\n", one_line(text));
   for (const std::string& text : r.safety.assumed) fmt::print("assumed    {}\n", one_line(text));
   for (const cell::Plan& p : r.planning.plans) {
-    fmt::print("plan       {:<28} {:.4g}{}\n", p.method, p.score,
-               p.best ? fmt::format(", best {:.4g} of {}", *p.best, p.best_is) : "");
+    const std::string best = !p.best   ? std::string()
+                             : p.bound ? fmt::format(", best {:.6g} of {}, proven not below {}", *p.best, p.best_is,
+                                                     cell::rounded_down(*p.bound))
+                                       : fmt::format(", best {:.4g} of {}", *p.best, p.best_is);
+    fmt::print("plan       {:<28} {:.4g}{}\n", p.method, p.score, best);
   }
   for (const std::string& text : r.not_judged) fmt::print("not judged {}\n", one_line(text));
   for (const cell::Problem& p : r.problems) fmt::print("problem    {}: {}\n", p.kind, one_line(p.detail));

@@ -355,7 +355,10 @@ void layout_section(report::Report& page, const CellResult& r) {
   table.columns = {{"method", "", -1}, {"measure", "", -1}, {"score", "", -1}, {"best", "", -1}, {"best of", "", -1}};
   for (const cell::Plan& p : r.planning.plans) {
     table.rows.push_back({p.method, p.measure, report::number(p.score, 4),
-                          p.best ? report::number(*p.best, 4) : std::string("not enumerated"), p.best_is});
+                          !p.best   ? std::string("not enumerated")
+                          : p.bound ? fmt::format("{:.6g}, proven not below {}", *p.best, cell::rounded_down(*p.bound))
+                                    : report::number(*p.best, 4),
+                          p.best_is});
   }
   page.add_table(table);
   std::vector<std::pair<std::string, report::Figure>> panels;
