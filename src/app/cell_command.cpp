@@ -293,12 +293,14 @@ Json document(const cell::CellResult& r) {
     out["utilisation"] = Json::object();
   } else {
     const cell::Outcome& o = r.outcome();
-    Json use = Json::object(), waiting = Json::object(), tasks = Json::object(), belts = Json::object();
+    Json use = Json::object(), waiting = Json::object(), stopped = Json::object(), tasks = Json::object(),
+         belts = Json::object();
     for (std::size_t m = 0; m < c.machines.size(); ++m) {
       use[c.machines[m].name] = r.study.utilisation[m].mean;
       Json why = Json::object();
       for (const auto& [what, seconds] : o.machines[m].waiting) why[what] = seconds;
       waiting[c.machines[m].name] = why;
+      stopped[c.machines[m].name] = o.machines[m].stopped;
     }
     for (std::size_t t = 0; t < c.tasks.size(); ++t) tasks[c.tasks[t].name] = o.done[t];
     for (std::size_t b = 0; b < c.conveyors.size(); ++b)
@@ -311,6 +313,7 @@ Json document(const cell::CellResult& r) {
     out["policy"] = r.policy;
     out["working_s"] = o.working;
     out["waiting_s"] = waiting;
+    out["stopped_s"] = stopped;
     out["items"] = {{"fed", o.fed},
                     {"placed", o.placed},
                     {"missed", o.missed},
@@ -371,8 +374,9 @@ void print_result(const cell::CellResult& r) {
       std::vector<std::string> waits;
       for (const auto& [what, seconds] : o.machines[m].waiting)
         waits.push_back(fmt::format("{:.0f} s for {}", seconds, one_line(what)));
-      fmt::print("{:<10} {:.1f} % busy{}\n", c.machines[m].name, 100 * r.study.utilisation[m].mean,
-                 waits.empty() ? "" : fmt::format("; waits {}", fmt::join(waits, ", ")));
+      fmt::print("{:<10} {:.1f} % busy{}{}\n", c.machines[m].name, 100 * r.study.utilisation[m].mean,
+                 waits.empty() ? "" : fmt::format("; waits {}", fmt::join(waits, ", ")),
+                 o.machines[m].stopped > 0 ? fmt::format("; {:.0f} s stopped by STOP", o.machines[m].stopped) : "");
     }
     for (std::size_t k = 0; k < r.study.policies.size(); ++k) {
       fmt::print("policy     {:<10} {} items a minute, {} missed\n", r.study.policies[k].first,

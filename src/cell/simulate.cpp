@@ -97,6 +97,11 @@ void World::set_state(State state) {
   changed_.notify();
 }
 
+void World::halt(bool stop) {
+  for (Arm& arm : arms_) close(arm);
+  halted_ = stop;
+}
+
 Process World::operate() {
   for (const Command& command : cell_.commands) {
     const double wait = command.time - sim_.now();
@@ -106,7 +111,7 @@ Process World::operate() {
       case Order::start:
         note(halted_ ? 0 : 2, "operator", "START");
         if (halted_) {
-          halted_ = false;
+          halt(false);
           state_since_ = sim_.now();
           update_belts();
           resumed_.notify();
@@ -121,7 +126,7 @@ Process World::operate() {
         note(0, "operator", "STOP");
         if (!halted_ && is_on(state_)) {
           out_.working += sim_.now() - state_since_;
-          halted_ = true;
+          halt(true);
           update_belts();
           halt_.notify();
         }
@@ -234,6 +239,7 @@ Outcome World::finish() {
     close(arm);
     MachineUse use;
     use.busy = arm.busy_time;
+    use.stopped = arm.stopped;
     use.waiting.assign(arm.waiting.begin(), arm.waiting.end());
     use.intervals = std::move(arm.intervals);
     use.legs = std::move(arm.legs);

@@ -152,7 +152,7 @@ void World::find_standstill() {
   out_.standstill = text;
   double since = 0;
   for (std::size_t m = 0; m < arms_.size(); ++m)
-    if (stuck.contains(cell_.machines[m].name)) since = std::max(since, arms_[m].since);
+    if (stuck.contains(cell_.machines[m].name)) since = std::max(since, arms_[m].begun);
   out_.stands_since = sim_.idle() ? std::min(since, last_progress_) : since;
 }
 

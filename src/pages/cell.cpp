@@ -500,6 +500,8 @@ void cycle_section(report::Report& page, const CellResult& r) {
     for (const auto& [what, seconds] : m.waiting)
       if (std::find(reasons.begin(), reasons.end(), what) == reasons.end()) reasons.push_back(what);
   for (const std::string& what : reasons) bars.parts.push_back("waits: " + what);
+  const bool stopped = std::any_of(o.machines.begin(), o.machines.end(), [](const auto& m) { return m.stopped > 0; });
+  if (stopped) bars.parts.emplace_back("stopped by STOP");
   for (std::size_t m = 0; m < o.machines.size(); ++m) {
     report::BarChart::Row row{r.cell.machines[m].name, {100 * o.machines[m].busy / o.seconds}};
     for (const std::string& what : reasons) {
@@ -508,6 +510,7 @@ void cycle_section(report::Report& page, const CellResult& r) {
         if (key == what) seconds = value;
       row.parts.push_back(100 * seconds / o.seconds);
     }
+    if (stopped) row.parts.push_back(100 * o.machines[m].stopped / o.seconds);
     bars.rows.push_back(row);
     if (!o.machines[m].intervals.empty()) {
       gantt.names.push_back(r.cell.machines[m].name);
@@ -516,8 +519,9 @@ void cycle_section(report::Report& page, const CellResult& r) {
   }
   page.add_figure(bars, "Shares of the simulated time.");
   if (!gantt.rows.empty())
-    page.add_figure(gantt, fmt::format("Gantt chart of the first {} s: what each machine does; gaps are waiting.",
-                                       plain(gantt.to)));
+    page.add_figure(gantt,
+                    fmt::format("Gantt chart of the first {} s: what each machine does; gaps are waiting or a STOP.",
+                                plain(gantt.to)));
   report::Table belts;
   belts.columns = {{"conveyor", "", -1}, {"speed", "mm/s", 0}, {"runs", "%", 1}, {"most items at once", "", 0}};
   for (std::size_t b = 0; b < o.belts.size(); ++b)

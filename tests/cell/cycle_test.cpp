@@ -288,6 +288,46 @@ TEST(CellCycle, StopHaltsAndStartGoesOn) {
   EXPECT_NEAR(o.placed, whole.placed, 2);
 }
 
+/// Of a machine: busy, stopped and waiting are all of the time.
+double whole_time(const MachineUse& m) {
+  double sum = m.busy + m.stopped;
+  for (const auto& [what, seconds] : m.waiting) sum += seconds;
+  return sum;
+}
+
+// While a STOP holds everything nothing is busy, and nothing waits for anything else: the shares are those of a run
+// without the STOP, whatever the machines were doing when it came.
+TEST(CellCycle, AStopIsAShareOfItsOwn) {
+  Cell cell = kozubik();
+  for (const double at : {40.0, 71.3, 100.0, 133.7}) {
+    cell.commands = {{1, Order::start}, {at, Order::stop}, {at + 400, Order::start}};
+    const Outcome o = run(cell, kozubik_motions(), for_seconds(600));
+    cell.commands = {{1, Order::start}};
+    const Outcome plain = run(cell, kozubik_motions(), for_seconds(200));
+    for (std::size_t m = 0; m < 2; ++m) {
+      EXPECT_NEAR(o.machines[m].stopped, 400, 1e-9);
+      EXPECT_NEAR(whole_time(o.machines[m]), 600, 1e-9);
+      // A STOP lets cameras and visitors go on: what follows differs a little.
+      EXPECT_NEAR(o.machines[m].busy, plain.machines[m].busy, 6) << at << " " << m;
+      EXPECT_EQ(plain.machines[m].stopped, 0);
+      EXPECT_NEAR(whole_time(plain.machines[m]), 200, 1e-9);
+    }
+  }
+  // Until the end of the run, too, and in the Gantt chart.
+  cell.commands = {{1, Order::start}, {100, Order::stop}};
+  RunSettings s = for_seconds(600);
+  s.record = true;
+  const Outcome held = run(cell, kozubik_motions(), s);
+  for (const MachineUse& m : held.machines) {
+    EXPECT_NEAR(m.stopped, 500, 1e-9);
+    EXPECT_LT(m.busy, 100);
+    ASSERT_FALSE(m.intervals.empty());
+    EXPECT_EQ(m.intervals.back().what, "stopped");
+    EXPECT_FALSE(m.intervals.back().busy);
+    EXPECT_EQ(m.intervals.back().from, 100);
+  }
+}
+
 TEST(CellCycle, TheSameSeedGivesTheSameAndAnotherAnother) {
   RunSettings s = for_seconds(600);
   s.record = true;

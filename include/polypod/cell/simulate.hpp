@@ -48,6 +48,7 @@ struct Picture {
 
 struct MachineUse {
   double busy = 0;                                      ///< s, moving or gripping
+  double stopped = 0;                                   ///< s, held by a STOP, whatever it was doing
   std::vector<std::pair<std::string, double>> waiting;  ///< for what, s; in the order of their names
   std::vector<Interval> intervals;                      ///< of a recorded run
   std::vector<Leg> legs;                                ///< of a recorded run, while pictures are taken
