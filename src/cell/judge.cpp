@@ -112,6 +112,15 @@ std::vector<std::string> not_judged(const CellResult& r) {
   if (!r.layout.complete)
     out.emplace_back(
         "collisions in all positions: some were left out, because there are too many, or because no way was found");
+  for (std::size_t m = 0; m < r.cell.machines.size(); ++m) {
+    const Machine& machine = r.cell.machines[m];
+    const std::vector<BaseBody> base = bases(machine, r.motions.home[m]);
+    std::string modelled = "links of one diameter";
+    for (const BaseBody& b : base)
+      if (b.disc) modelled += fmt::format(" and its base, a disc of {:.0f} mm", units::to_mm(2 * b.radius));
+    out.push_back(fmt::format("collisions of {} with more than {}: {}drives, gears, cables and hoses are no bodies",
+                              machine.name, modelled, base.empty() ? "its base, " : ""));
+  }
   out.emplace_back("collisions between the positions, and of a machine with itself and what it carries");
   return out;
 }

@@ -10,6 +10,8 @@
 #include <optional>
 #include <set>
 
+#include <Eigen/Eigenvalues>
+
 #include "common.hpp"
 #include "polypod/bodies/shape.hpp"
 #include "polypod/core/golden_section.hpp"
@@ -80,7 +82,7 @@ class Judge {
     crowds();
   }
 
-  Layout run() {
+  Layout run(const Motions& motions) {
     out_.least_distance = out_.least_distance_containers = kInfinity;
     at_rest();
     containers_at_rest();
@@ -88,6 +90,7 @@ class Judge {
     against_bodies();
     against_fences();
     against_containers();
+    bases_stand_free(motions);
     items_on_belts();
     report();
     against_each_other();
@@ -376,6 +379,47 @@ class Judge {
     }
   }
 
+  /// Bases against everything but what carries them.
+  void bases_stand_free(const Motions& motions) {
+    constexpr double kFoot = 1e-3;  // m
+    for (std::size_t m = 0; m < cell_.machines.size(); ++m) {
+      const Machine& machine = cell_.machines[m];
+      const bool serial = kinematics::is_serial(machine.model);
+      const std::string name = fmt::format("the base of {}", machine.name);
+      for (const BaseBody& base : bases(machine, motions.home[m])) {
+        const bodies::Shape shape = base.disc ? bodies::cylinder(base.from, base.to, base.radius)
+                                              : bodies::capsule(base.from, base.to, base.radius);
+        const Vec3 middle = (base.from + base.to) / 2;
+        const double reach = (base.to - base.from).norm() / 2 + base.radius;
+        const auto against = [&](const Solid& s) {
+          if ((middle - s.middle).norm() > reach + s.size.norm() / 2) return;
+          if (std::find(machine.mounted_on.begin(), machine.mounted_on.end(), s.name) != machine.mounted_on.end())
+            return;
+          if (serial && distance(base.from, base.from, s) < kFoot) return;
+          if (touch(shape, Pose{}, shape_of(s), pose_of(s))) find(name, s.name, name, s.name, -1, middle);
+        };
+        for (const Solid& s : solids_) against(s);
+        for (const auto& [s, open] : fences_) against(s);
+        for (std::size_t s = 0; s < crowds_.size(); ++s) {
+          const Crowd& crowd = crowds_[s];
+          if (crowd.all.empty() || (middle - crowd.middle).norm() > reach + crowd.radius) continue;
+          for (const Standing& c : crowd.all)
+            if (touch(shape, Pose{}, shrunk(c.bottom, c.top, cell_.containers[0].diameter / 2), Pose{}))
+              find(name, cell_.spots[s].name + " container", name, called(c, s), -1, (c.bottom + c.top) / 2);
+        }
+        for (std::size_t o = 0; o < positions_.size(); ++o) {
+          if (o == m) continue;
+          for (const Position& p : positions_[o]) {
+            if ((middle - p.middle).norm() > reach + p.radius) continue;
+            for (const Capsule& c : p.links)
+              if (touch(shape, Pose{}, shape_of(c), Pose{}))
+                find(called(o, p.task), name, called(o, p.task, c), name, -1, (c.from + c.to) / 2);
+          }
+        }
+      }
+    }
+  }
+
   /// The layer of items on a belt, over all of its width: thin, and where a task takes items no obstacle.
   [[nodiscard]] std::vector<Solid> layers() const {
     std::vector<Solid> out;
@@ -522,6 +566,51 @@ std::vector<Capsule> links(const Machine& machine, const Pose& X_MT, const Joint
   return out;
 }
 
+std::vector<BaseBody> bases(const Machine& machine, const JointVector& home) {
+  using Role = machine::OutlinePart::Role;
+  std::vector<BaseBody> out;
+  const kinematics::ForwardResult f = kinematics::forward(machine.model, home);
+  if (f.poses.empty()) return out;
+  if (kinematics::is_serial(machine.model)) {
+    for (const Capsule& c : links(machine, f.poses[0], home)) {
+      if (!c.mount || c.tool) continue;
+      // The last of what is mounted is the column; before it the lines of the base are a picture.
+      out.assign(1, {c.from, c.to, c.radius, false});
+    }
+    return out;
+  }
+  std::vector<Vec3> joints;
+  for (const machine::OutlinePart& part : kinematics::outline_at(machine.model, f.poses[0], home)) {
+    if (part.role != Role::fixed) continue;
+    std::vector<Vec3> points;
+    for (const Vec3& p : part.points) points.push_back(machine.X_CM * p);
+    if (points.size() == 2) {
+      out.push_back({points[0], points[1], machine.body / 2, false});
+    } else {
+      joints.insert(joints.end(), points.begin(), points.end());
+    }
+  }
+  if (joints.size() < 3) return out;
+  // The outline comes back to its first joint.
+  if ((joints.front() - joints.back()).norm() < 1e-9) joints.pop_back();
+  Vec3 middle = Vec3::Zero();
+  for (const Vec3& p : joints) middle += p / static_cast<double>(joints.size());
+  Mat3 spread = Mat3::Zero();
+  for (const Vec3& p : joints) spread += (p - middle) * (p - middle).transpose();
+  const Eigen::SelfAdjointEigenSolver<Mat3> axes(spread);
+  const Vec3 normal = axes.eigenvectors().col(0);  // of the least spread
+  double radius = 0, thick = 0;
+  for (const Vec3& p : joints) {
+    const double up = (p - middle).dot(normal);
+    radius = std::max(radius, (p - middle - up * normal).norm());
+    thick = std::max(thick, std::abs(up));
+  }
+  if (!(radius > 0)) return out;
+  thick += machine.body / 2;
+  out.push_back({middle - thick * normal, middle + thick * normal, radius + machine.body / 2, true});
+  return out;
+}
+
 double distance(const Vec3& from, const Vec3& to, const Solid& solid) {
   const Vec3 a = into(solid, from), d = into(solid, to) - a, half = solid.size / 2;
   const auto at = [&](double t) { return ((a + t * d).cwiseAbs() - half).cwiseMax(0.0).norm(); };
@@ -568,7 +657,7 @@ std::pair<Vec3, Vec3> extent(const Cell& cell) {
 }
 
 Layout layout(const Cell& cell, const Motions& motions) {
-  return Judge(cell, motions).run();
+  return Judge(cell, motions).run(motions);
 }
 
 }  // namespace polypod::cell

@@ -112,15 +112,16 @@ struct Machine {
   std::vector<double> joint_speed, joint_acceleration;  ///< rad or m, s; one a joint
   double tool_speed = 5, tool_acceleration = 100, tool_jerk = 5000;       ///< of deltas, m, s
   double drive_speed = 12, drive_acceleration = 250, drive_jerk = 20000;  ///< of deltas, rad or m, s
-  double straight_speed = 0.25;      ///< m/s, on the last stretch to a place and back
-  double lift = 0.04, blend = 0.03;  ///< m, of deltas: motion::Cycle
-  double grip = 0, release = 0;      ///< s: closing and opening, vacuum on and off
-  double failure = 0;                ///< share of grips of items that fail, 0 to 1
-  double body = 0.1;                 ///< m, diameter that its links are given for collisions
-  bool folds = false;                ///< between two places it draws in, turns about its first joint, and reaches out
-  double payload = 0;                ///< kg, 0: not given
-  double hand_mass = 0;              ///< kg, of gripper or sucker
-  double stopping = -1;              ///< s, after the stop was asked for; below 0: from its dynamics
+  double straight_speed = 0.25;         ///< m/s, on the last stretch to a place and back
+  double lift = 0.04, blend = 0.03;     ///< m, of deltas: motion::Cycle
+  double grip = 0, release = 0;         ///< s: closing and opening, vacuum on and off
+  double failure = 0;                   ///< share of grips of items that fail, 0 to 1
+  double body = 0.1;                    ///< m, diameter that its links are given for collisions
+  std::vector<std::string> mounted_on;  ///< bodies, places and conveyors that its base may touch
+  bool folds = false;    ///< between two places it draws in, turns about its first joint, and reaches out
+  double payload = 0;    ///< kg, 0: not given
+  double hand_mass = 0;  ///< kg, of gripper or sucker
+  double stopping = -1;  ///< s, after the stop was asked for; below 0: from its dynamics
   std::vector<std::pair<std::string, double>> defaults;  ///< keys that the file does not give, with what they became
 };
 
