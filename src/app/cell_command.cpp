@@ -111,7 +111,8 @@ Json safety_json(const cell::Safety& s) {
                        {"kind", h.kind},
                        {"cause", h.cause},
                        {"measure", h.measure},
-                       {"gap_mm", h.gap < 0 ? Json(nullptr) : Json(to_mm(h.gap))}});
+                       {"gap_mm", h.gap < 0 ? Json(nullptr) : Json(to_mm(h.gap))},
+                       {"from_samples", h.sampled}});
   }
   return {{"stopping_ms", s.stopping / units::from_ms(1)},
           {"guards", guards},
@@ -398,6 +399,13 @@ void print_result(const cell::CellResult& r) {
   }
   fmt::print("guards     {:.0f} mm for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)\n",
              to_mm(r.safety.guard_distance), r.safety.stopping / units::from_ms(1));
+  if (!r.layout.gaps.empty()) {
+    const cell::Gap& g = r.layout.gaps.front();
+    fmt::print(
+        "gaps       {:.0f} mm between {} and {} at the narrowest sample; ISO 13854 asks for 25 mm (finger) to 500 mm "
+        "(body) where people can be\n",
+        std::floor(to_mm(g.distance)), g.mover, g.what);
+  }
   for (const std::string& text : r.assumed) fmt::print("assumed    {}\n", one_line(text));
   for (const std::string& text : r.safety.assumed) fmt::print("assumed    {}\n", one_line(text));
   for (const cell::Plan& p : r.planning.plans) {

@@ -163,7 +163,7 @@ CellResult judge_cell(Cell given, const CellQuestion& question) {
   out.policy = question.settings.policy;
   out.motions = motions(out.cell);
   out.layout = layout(out.cell, out.motions);
-  out.safety = safety(out.cell, out.layout.swept);
+  out.safety = safety(out.cell, out.layout.swept, out.layout.gaps);
   out.problems = out.motions.problems;
   out.problems.insert(out.problems.end(), out.layout.problems.begin(), out.layout.problems.end());
   out.problems.insert(out.problems.end(), out.safety.problems.begin(), out.safety.problems.end());

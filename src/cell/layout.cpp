@@ -89,6 +89,7 @@ class Judge {
     doors();
     against_bodies();
     against_fences();
+    collect_gaps();
     against_containers();
     bases_stand_free(motions);
     items_on_belts();
@@ -293,29 +294,55 @@ class Judge {
   [[nodiscard]] static double gap(const Capsule& c, const Solid& s) {
     const double d = distance(c.from, c.to, s) - c.radius;
     if (!c.cargo || d >= 0) return d;
-    return touch(shrunk(c.from, c.to, c.radius), Pose{}, shape_of(s), pose_of(s)) ? -1 : 0;
+    const double exact =
+        bodies::distance(shrunk(c.from, c.to, c.radius), Pose{}, shape_of(s), pose_of(s), kInfinity).high;
+    return exact < 1e-6 ? -1 : exact;
   }
-  void judge(std::size_t m, const Position& p, const Capsule& c, const Solid& s) {
+  /// The least gap of a machine and a body that was found so far.
+  Gap& gap_of(std::size_t m, const Solid& s) {
+    const auto [it, fresh] = gaps_.try_emplace({m, s.name});
+    if (fresh) it->second = {cell_.machines[m].name, s.name, s.kind, "", kInfinity, Vec3::Zero()};
+    return it->second;
+  }
+  /// Beyond it no gap counts, m.
+  static constexpr double kWide = 1.0;
+  void judge(std::size_t m, const Position& p, const Capsule& c, const Solid& s, Gap& least) {
     // The middle of a link is at most half of its length nearer than any other point of it.
     const Vec3 beyond = (into(s, (c.from + c.to) / 2).cwiseAbs() - s.size / 2).cwiseMax(0.0);
-    if (beyond.norm() - (c.to - c.from).norm() / 2 - c.radius > std::max(out_.least_distance, 0.0)) return;
+    if (beyond.norm() - (c.to - c.from).norm() / 2 - c.radius > std::clamp(least.distance, 0.0, kWide)) return;
     const double d = gap(c, s);
-    // An item that lies on its belt is no narrow place.
-    if (!(c.cargo && near(p, s))) out_.least_distance = std::min(out_.least_distance, std::max(d, c.cargo ? 0.0 : d));
+    // Where the tool takes and puts, it and what it holds come to what stands there: no narrow place of the way.
+    const bool works = (c.cargo || c.tool) && s.kind != "fence" && (p.near_spot >= 0 || p.near_conveyor >= 0);
+    if (!works && d < least.distance) {
+      least.distance = std::max(d, c.cargo ? 0.0 : d);
+      least.mover = called(m, p.task, c);
+      least.at = (c.from + c.to) / 2;
+    }
     if (d < 0) find(called(m, p.task, c), s.name, called(m, p.task, c), s.name, c.cargo ? -1 : -d, (c.from + c.to) / 2);
+  }
+  void collect_gaps() {
+    for (auto& [key, g] : gaps_) {
+      if (!(g.distance <= kWide)) continue;
+      out_.least_distance = std::min(out_.least_distance, g.distance);
+      g.distance = std::max(g.distance, 0.0);
+      out_.gaps.push_back(std::move(g));
+    }
+    std::stable_sort(out_.gaps.begin(), out_.gaps.end(),
+                     [](const Gap& x, const Gap& y) { return x.distance < y.distance; });
   }
 
   void against_bodies() {
     for (std::size_t m = 0; m < positions_.size(); ++m) {
       for (const Position& p : positions_[m]) {
         for (const Solid& s : solids_) {
+          Gap& least = gap_of(m, s);
           const double far = (p.middle - s.middle).norm() - p.radius - s.size.norm() / 2;
-          if (far > std::min(out_.least_distance, 1.0)) continue;
+          if (far > std::clamp(least.distance, 0.0, kWide)) continue;
           const bool mine = near(p, s);
           for (const Capsule& c : p.links) {
             // An item lies on its belt; a container stands in its place.
             if (c.mount || (c.tool && mine && !(c.cargo && p.near_conveyor >= 0))) continue;
-            judge(m, p, c, s);
+            judge(m, p, c, s, least);
           }
         }
       }
@@ -329,9 +356,11 @@ class Judge {
         const bool through =
             p.near_spot >= 0 && cell_.spots[static_cast<std::size_t>(p.near_spot)].kind == Spot::Kind::opening;
         for (const auto& [s, open] : fences_) {
-          if ((p.middle - s.middle).norm() > p.radius + s.size.norm() / 2) continue;
+          Gap& least = gap_of(m, s);
+          const double far = (p.middle - s.middle).norm() - p.radius - s.size.norm() / 2;
+          if (far > std::clamp(least.distance, 0.0, kWide)) continue;
           for (const Capsule& c : p.links)
-            if (!c.mount && !(c.tool && through && open)) judge(m, p, c, s);
+            if (!c.mount && !(c.tool && through && open)) judge(m, p, c, s, least);
         }
       }
     }
@@ -504,6 +533,7 @@ class Judge {
   std::vector<Crowd> crowds_;                   ///< of each spot
   std::vector<std::vector<Position>> positions_;
   std::map<std::pair<std::string, std::string>, Finding> found_;
+  std::map<std::pair<std::size_t, std::string>, Gap> gaps_;  ///< of a machine and a body or fence
   Layout out_;
 };
 

@@ -600,13 +600,17 @@ void safety_section(report::Report& page, const CellResult& r) {
   page.add_table(guards);
   report::Table hazards;
   hazards.caption =
-      "Hazards by zone, to be completed: severity S, frequency F and avoidance A are proposals of 1 or 2 (risk graph).";
+      "Hazards by zone, to be completed: severity S, frequency F and avoidance A are proposals of 1 or 2 (risk graph). "
+      "Gaps of what moves are the least at the samples of the ways, but for the tool where it takes and puts; between "
+      "the samples they may be narrower.";
   hazards.columns = {{"zone", "", -1},  {"hazard", "", -1},  {"cause", "", -1},        {"gap", "mm", -1},
                      {"S F A", "", -1}, {"measure", "", -1}, {"residual risk", "", -1}};
   for (const cell::Hazard& h : r.safety.hazards)
-    hazards.rows.push_back({h.zone, h.kind, h.cause, h.gap < 0 ? std::string("") : report::number(to_mm(h.gap)),
-                            fmt::format("{} {} {}", h.severity, h.frequency, h.avoidance),
-                            h.measure.empty() ? std::string("to be given") : h.measure, std::string("to be judged")});
+    hazards.rows.push_back(
+        {h.zone, h.kind, h.cause,
+         h.gap < 0 ? std::string("") : report::number(to_mm(h.gap)) + (h.sampled ? " (samples)" : ""),
+         fmt::format("{} {} {}", h.severity, h.frequency, h.avoidance),
+         h.measure.empty() ? std::string("to be given") : h.measure, std::string("to be judged")});
   page.add_table(hazards);
   std::vector<std::string> gaps;
   for (const auto& [part, gap] : cell::crushing_gaps())

@@ -135,6 +135,35 @@ TEST(Layout, TheBaseOfAMachineIsABody) {
   }));
 }
 
+// What machines pass, narrowest first; a fence that stands farther off leaves so much more.
+TEST(Layout, TheNarrowestGapOfEachPairIsKept) {
+  auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  const Motions m = motions(*cell);
+  const Layout l = layout(*cell, m);
+  ASSERT_FALSE(l.gaps.empty());
+  EXPECT_TRUE(
+      std::is_sorted(l.gaps.begin(), l.gaps.end(), [](const Gap& a, const Gap& b) { return a.distance < b.distance; }));
+  EXPECT_EQ(l.gaps.front().distance, l.least_distance);
+  const auto front =
+      std::find_if(l.gaps.begin(), l.gaps.end(), [](const Gap& g) { return g.machine == "arm" && g.what == "front"; });
+  ASSERT_NE(front, l.gaps.end());
+  EXPECT_EQ(front->kind, "fence");
+  EXPECT_GT(front->distance, 0);
+  EXPECT_LT(front->distance, 0.03);
+  // A fence 10 mm farther away leaves 10 mm more.
+  for (Guard& g : cell->guards) {
+    if (g.name != "front") continue;
+    g.from.y() -= 0.01;
+    g.to.y() -= 0.01;
+  }
+  const Layout farther = layout(*cell, m);
+  const auto there = std::find_if(farther.gaps.begin(), farther.gaps.end(),
+                                  [](const Gap& g) { return g.machine == "arm" && g.what == "front"; });
+  ASSERT_NE(there, farther.gaps.end());
+  EXPECT_NEAR(there->distance, front->distance + 0.01, 1e-6);
+}
+
 bool finds(const Layout& l, const std::string& kind, const std::string& text) {
   return std::any_of(l.problems.begin(), l.problems.end(),
                      [&](const Problem& p) { return p.kind == kind && p.detail.find(text) != std::string::npos; });

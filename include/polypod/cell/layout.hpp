@@ -63,7 +63,10 @@ struct Layout {
   std::vector<Problem> problems;    ///< collisions, doors
   std::vector<Conflict> conflicts;  ///< the nearest pair of positions of each two tasks that come too near
   std::vector<Swept> swept;         ///< where links come to, at the samples
-  double least_distance = 0;        ///< m, of machine and body over all samples; infinite where nothing is near
+  /// Of each machine and each body, fence and belt beside it, but where the tool works: the least gap at the samples,
+  /// narrowest first.
+  std::vector<Gap> gaps;
+  double least_distance = 0;  ///< m, of machine and body over all samples; infinite where nothing is near
   /// m, of machine (and what it carries) and containers that stand, over all samples; infinite where nothing is near
   double least_distance_containers = 0;
   Vec3 low = Vec3::Zero(), high = Vec3::Zero();  ///< of all bodies, m
