@@ -326,7 +326,10 @@ Json document(const cell::CellResult& r) {
     out["tasks"] = tasks;
     out["belts"] = belts;
     out["state"] = o.state;
-    out["standstill"] = o.stands_since ? Json{{"since_s", *o.stands_since}, {"why", o.standstill}} : Json(nullptr);
+    out["standstill"] = o.stands_since ? Json{{"since_s", *o.stands_since},
+                                              {"why", o.standstill},
+                                              {"full", o.full.empty() ? Json(nullptr) : Json(o.full)}}
+                                       : Json(nullptr);
     if (!r.study.policies.empty()) {
       Json policies = Json::array(), gains = Json::array(), next = Json::array();
       for (std::size_t k = 0; k < r.study.policies.size(); ++k) {
@@ -395,6 +398,8 @@ void print_result(const cell::CellResult& r) {
     if (c.cost.budget > 0)
       fmt::print(" and a reserve of {:.0f}: {:.0f} {}", c.cost.reserve(), c.cost.budget, c.cost.currency);
     if (c.cost.hours > 0) fmt::print("; {:.0f} hours of assembly", c.cost.hours);
+    if (const auto each = cell::cost_per_item(c.cost, r.simulated() ? r.study.throughput.mean : 0))
+      fmt::print("; {:.4g} {} of running cost an item", *each, c.cost.currency);
     fmt::print("\n");
   }
   fmt::print("guards     {:.0f} mm for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)\n",
@@ -445,12 +450,18 @@ Command cell_command() {
             "names the best (repeatable)");
         a.option("--report", o->report, "An HTML page: the documentation of the cell");
         a.option("--events", o->events, "A CSV file: each event of the first run");
-        a.option("--drawing", o->drawing, "Five views with dimensions: an SVG file, or a DXF file by its ending .dxf");
+        a.option("--drawing", o->drawing, "Five views with dimensions: an SVG file (.svg) or a DXF file (.dxf)");
         a.option("--sequence", o->sequence,
-                 "The sequence for the PLC: Structured Text (IEC 61131-3), or PLCopen XML by its ending .xml");
+                 "The sequence for the PLC: Structured Text (.st, IEC 61131-3) or PLCopen XML (.xml)");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_TRY(check_files({o->file}, {o->report, o->events, o->drawing, o->sequence}, context.json));
+        for (const auto& [option, path, kinds] : {std::tuple{"--drawing", &o->drawing, std::pair{".svg", ".dxf"}},
+                                                  std::tuple{"--sequence", &o->sequence, std::pair{".st", ".xml"}}}) {
+          if (path->empty() || ends_with(*path, kinds.first) || ends_with(*path, kinds.second)) continue;
+          return fail("AP244", fmt::format("{} {}: its ending says no format", option, one_line(*path)), {},
+                      fmt::format("end it in {} or {}", kinds.first, kinds.second));
+        }
         std::vector<cell::Override> overrides;
         for (const std::string& set : o->sets) {
           const std::size_t equals = set.find('=');

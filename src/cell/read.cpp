@@ -96,6 +96,12 @@ Status Reader::fresh_name(const Table& table, std::string& out) {
 }
 
 Status Reader::together() {
+  for (const Conveyor& c : cell_.conveyors) {
+    const auto named = [&](const Body& b) { return b.name == c.chute; };
+    if (c.chute.empty() || std::any_of(cell_.bodies.begin(), cell_.bodies.end(), named)) continue;
+    return fail("CE102", fmt::format("the chute \"{}\" of conveyor {} is no body", one_line(c.chute), c.name), c.place,
+                "add a [[body]] of that name");
+  }
   for (const Machine& machine : cell_.machines) {
     for (const std::string& name : machine.mounted_on) {
       std::vector<std::string> known;

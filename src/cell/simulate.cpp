@@ -68,6 +68,7 @@ Outcome World::run() {
   for (std::size_t k = 0; k < cell_.sources.size(); ++k) sim_.start(feed(k));
   for (std::size_t m = 0; m < arms_.size(); ++m) sim_.start(run_machine(m));
   sim_.start(operate());
+  note(1, "cell", "containers are in their places; waits for START");
   if (settings_.record) film();
   // In pieces, so that a run can be stopped; time passes the same way in one piece.
   constexpr int kPieces = 50;
@@ -109,7 +110,7 @@ Process World::operate() {
     const double progress = last_progress_;
     switch (command.order) {
       case Order::start:
-        note(halted_ ? 0 : 2, "operator", "START");
+        note(halted_ ? 0 : state_ == State::waiting ? 12 : 2, "operator", "START");
         if (halted_) {
           halt(false);
           state_since_ = sim_.now();
@@ -137,7 +138,7 @@ Process World::operate() {
         changed_.notify();
         break;
       case Order::end:
-        note(0, "operator", "END");
+        note(state_ == State::working ? 7 : 0, "operator", "END");
         if (state_ == State::working) set_state(State::ending);
         break;
     }

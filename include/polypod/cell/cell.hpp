@@ -44,7 +44,16 @@ struct Conveyor {
   std::string motor;
   std::string onto;  ///< conveyor onto which its items go at the end; empty: they fall off and count as missed
   double drop = 0, drop_spread = 0;  ///< m, how far beyond the end items land on it, and how much that differs
+  bool drop_given = false;           ///< false: how far they fly
+  std::string chute;                 ///< the body that leads them from the end to where they land; empty: they fall
+  double acceleration = 0;           ///< m/s2, with which it starts and stops; 0: not given, at once
   double sensor = -1;                ///< m along the belt: it stands while an item is there or beyond; below 0: none
+
+  /// How far beyond its end an item flies that falls by `height`, m: v sqrt(2 h / g).
+  [[nodiscard]] double flight(double height) const {
+    constexpr double kGravity = 9.80665;  // m/s2
+    return speed * std::sqrt(2 * std::max(height, 0.0) / kGravity);
+  }
 
   /// A point of the belt's surface, m in C: `along` from where it begins, `across` to the left of its direction.
   [[nodiscard]] Vec3 point(double along, double across) const {
