@@ -65,6 +65,7 @@ Json planning_json(const cell::Planning& p) {
                        {"score", plan.score},
                        {"best", plan.best ? Json(*plan.best) : Json(nullptr)},
                        {"best_of", plan.best_is},
+                       {"not_below", plan.bound ? Json(*plan.bound) : Json(nullptr)},
                        {"places", points_json(plan.places)}});
   }
   return {{"stations", p.stations},
@@ -110,7 +111,8 @@ Json safety_json(const cell::Safety& s) {
                        {"kind", h.kind},
                        {"cause", h.cause},
                        {"measure", h.measure},
-                       {"gap_mm", h.gap < 0 ? Json(nullptr) : Json(to_mm(h.gap))}});
+                       {"gap_mm", h.gap < 0 ? Json(nullptr) : Json(to_mm(h.gap))},
+                       {"from_samples", h.sampled}});
   }
   return {{"stopping_ms", s.stopping / units::from_ms(1)},
           {"guards", guards},
@@ -292,12 +294,14 @@ Json document(const cell::CellResult& r) {
     out["utilisation"] = Json::object();
   } else {
     const cell::Outcome& o = r.outcome();
-    Json use = Json::object(), waiting = Json::object(), tasks = Json::object(), belts = Json::object();
+    Json use = Json::object(), waiting = Json::object(), stopped = Json::object(), tasks = Json::object(),
+         belts = Json::object();
     for (std::size_t m = 0; m < c.machines.size(); ++m) {
       use[c.machines[m].name] = r.study.utilisation[m].mean;
       Json why = Json::object();
       for (const auto& [what, seconds] : o.machines[m].waiting) why[what] = seconds;
       waiting[c.machines[m].name] = why;
+      stopped[c.machines[m].name] = o.machines[m].stopped;
     }
     for (std::size_t t = 0; t < c.tasks.size(); ++t) tasks[c.tasks[t].name] = o.done[t];
     for (std::size_t b = 0; b < c.conveyors.size(); ++b)
@@ -310,6 +314,7 @@ Json document(const cell::CellResult& r) {
     out["policy"] = r.policy;
     out["working_s"] = o.working;
     out["waiting_s"] = waiting;
+    out["stopped_s"] = stopped;
     out["items"] = {{"fed", o.fed},
                     {"placed", o.placed},
                     {"missed", o.missed},
@@ -321,7 +326,10 @@ Json document(const cell::CellResult& r) {
     out["tasks"] = tasks;
     out["belts"] = belts;
     out["state"] = o.state;
-    out["standstill"] = o.stands_since ? Json{{"since_s", *o.stands_since}, {"why", o.standstill}} : Json(nullptr);
+    out["standstill"] = o.stands_since ? Json{{"since_s", *o.stands_since},
+                                              {"why", o.standstill},
+                                              {"full", o.full.empty() ? Json(nullptr) : Json(o.full)}}
+                                       : Json(nullptr);
     if (!r.study.policies.empty()) {
       Json policies = Json::array(), gains = Json::array(), next = Json::array();
       for (std::size_t k = 0; k < r.study.policies.size(); ++k) {
@@ -370,8 +378,9 @@ void print_result(const cell::CellResult& r) {
       std::vector<std::string> waits;
       for (const auto& [what, seconds] : o.machines[m].waiting)
         waits.push_back(fmt::format("{:.0f} s for {}", seconds, one_line(what)));
-      fmt::print("{:<10} {:.1f} % busy{}\n", c.machines[m].name, 100 * r.study.utilisation[m].mean,
-                 waits.empty() ? "" : fmt::format("; waits {}", fmt::join(waits, ", ")));
+      fmt::print("{:<10} {:.1f} % busy{}{}\n", c.machines[m].name, 100 * r.study.utilisation[m].mean,
+                 waits.empty() ? "" : fmt::format("; waits {}", fmt::join(waits, ", ")),
+                 o.machines[m].stopped > 0 ? fmt::format("; {:.0f} s stopped by STOP", o.machines[m].stopped) : "");
     }
     for (std::size_t k = 0; k < r.study.policies.size(); ++k) {
       fmt::print("policy     {:<10} {} items a minute, {} missed\n", r.study.policies[k].first,
@@ -389,15 +398,27 @@ void print_result(const cell::CellResult& r) {
     if (c.cost.budget > 0)
       fmt::print(" and a reserve of {:.0f}: {:.0f} {}", c.cost.reserve(), c.cost.budget, c.cost.currency);
     if (c.cost.hours > 0) fmt::print("; {:.0f} hours of assembly", c.cost.hours);
+    if (const auto each = cell::cost_per_item(c.cost, r.simulated() ? r.study.throughput.mean : 0))
+      fmt::print("; {:.4g} {} of running cost an item", *each, c.cost.currency);
     fmt::print("\n");
   }
   fmt::print("guards     {:.0f} mm for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)\n",
              to_mm(r.safety.guard_distance), r.safety.stopping / units::from_ms(1));
+  if (!r.layout.gaps.empty()) {
+    const cell::Gap& g = r.layout.gaps.front();
+    fmt::print(
+        "gaps       {:.0f} mm between {} and {} at the narrowest sample; ISO 13854 asks for 25 mm (finger) to 500 mm "
+        "(body) where people can be\n",
+        std::floor(to_mm(g.distance)), g.mover, g.what);
+  }
   for (const std::string& text : r.assumed) fmt::print("assumed    {}\n", one_line(text));
   for (const std::string& text : r.safety.assumed) fmt::print("assumed    {}\n", one_line(text));
   for (const cell::Plan& p : r.planning.plans) {
-    fmt::print("plan       {:<28} {:.4g}{}\n", p.method, p.score,
-               p.best ? fmt::format(", best {:.4g} of {}", *p.best, p.best_is) : "");
+    const std::string best = !p.best   ? std::string()
+                             : p.bound ? fmt::format(", best {:.6g} of {}, proven not below {}", *p.best, p.best_is,
+                                                     cell::rounded_down(*p.bound))
+                                       : fmt::format(", best {:.4g} of {}", *p.best, p.best_is);
+    fmt::print("plan       {:<28} {:.4g}{}\n", p.method, p.score, best);
   }
   for (const std::string& text : r.not_judged) fmt::print("not judged {}\n", one_line(text));
   for (const cell::Problem& p : r.problems) fmt::print("problem    {}: {}\n", p.kind, one_line(p.detail));
@@ -429,12 +450,18 @@ Command cell_command() {
             "names the best (repeatable)");
         a.option("--report", o->report, "An HTML page: the documentation of the cell");
         a.option("--events", o->events, "A CSV file: each event of the first run");
-        a.option("--drawing", o->drawing, "Five views with dimensions: an SVG file, or a DXF file by its ending .dxf");
+        a.option("--drawing", o->drawing, "Five views with dimensions: an SVG file (.svg) or a DXF file (.dxf)");
         a.option("--sequence", o->sequence,
-                 "The sequence for the PLC: Structured Text (IEC 61131-3), or PLCopen XML by its ending .xml");
+                 "The sequence for the PLC: Structured Text (.st, IEC 61131-3) or PLCopen XML (.xml)");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_TRY(check_files({o->file}, {o->report, o->events, o->drawing, o->sequence}, context.json));
+        for (const auto& [option, path, kinds] : {std::tuple{"--drawing", &o->drawing, std::pair{".svg", ".dxf"}},
+                                                  std::tuple{"--sequence", &o->sequence, std::pair{".st", ".xml"}}}) {
+          if (path->empty() || ends_with(*path, kinds.first) || ends_with(*path, kinds.second)) continue;
+          return fail("AP244", fmt::format("{} {}: its ending says no format", option, one_line(*path)), {},
+                      fmt::format("end it in {} or {}", kinds.first, kinds.second));
+        }
         std::vector<cell::Override> overrides;
         for (const std::string& set : o->sets) {
           const std::size_t equals = set.find('=');

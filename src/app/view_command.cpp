@@ -18,13 +18,14 @@ Command view_command() {
     bool once = false;
   };
   auto o = std::make_shared<Options>();
-  return {"view", "Show machines, reports, programs with their job and records as pages in a browser of this computer",
+  return {"view",
+          "Show machines, reports, programs with their job, records and cells as pages in a browser of this computer",
           "polypod view hexapod-strut",
           [o](Arguments& a) {
             a.positional(
                 "FILE", o->files,
                 "Machine files or names of `polypod machines`, reports (.html), programs (.ngc) and their job, "
-                "records (.csv) and their machine");
+                "records (.csv) and their machine, cells");
             a.option("--port", o->port, {0, 65535}, "Of 127.0.0.1 (default 0: a free one)");
             a.flag("--once", o->once, "End after the first page was served");
           },

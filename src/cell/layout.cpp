@@ -10,6 +10,8 @@
 #include <optional>
 #include <set>
 
+#include <Eigen/Eigenvalues>
+
 #include "common.hpp"
 #include "polypod/bodies/shape.hpp"
 #include "polypod/core/golden_section.hpp"
@@ -80,14 +82,16 @@ class Judge {
     crowds();
   }
 
-  Layout run() {
+  Layout run(const Motions& motions) {
     out_.least_distance = out_.least_distance_containers = kInfinity;
     at_rest();
     containers_at_rest();
     doors();
     against_bodies();
     against_fences();
+    collect_gaps();
     against_containers();
+    bases_stand_free(motions);
     items_on_belts();
     report();
     against_each_other();
@@ -290,29 +294,55 @@ class Judge {
   [[nodiscard]] static double gap(const Capsule& c, const Solid& s) {
     const double d = distance(c.from, c.to, s) - c.radius;
     if (!c.cargo || d >= 0) return d;
-    return touch(shrunk(c.from, c.to, c.radius), Pose{}, shape_of(s), pose_of(s)) ? -1 : 0;
+    const double exact =
+        bodies::distance(shrunk(c.from, c.to, c.radius), Pose{}, shape_of(s), pose_of(s), kInfinity).high;
+    return exact < 1e-6 ? -1 : exact;
   }
-  void judge(std::size_t m, const Position& p, const Capsule& c, const Solid& s) {
+  /// The least gap of a machine and a body that was found so far.
+  Gap& gap_of(std::size_t m, const Solid& s) {
+    const auto [it, fresh] = gaps_.try_emplace({m, s.name});
+    if (fresh) it->second = {cell_.machines[m].name, s.name, s.kind, "", kInfinity, Vec3::Zero()};
+    return it->second;
+  }
+  /// Beyond it no gap counts, m.
+  static constexpr double kWide = 1.0;
+  void judge(std::size_t m, const Position& p, const Capsule& c, const Solid& s, Gap& least) {
     // The middle of a link is at most half of its length nearer than any other point of it.
     const Vec3 beyond = (into(s, (c.from + c.to) / 2).cwiseAbs() - s.size / 2).cwiseMax(0.0);
-    if (beyond.norm() - (c.to - c.from).norm() / 2 - c.radius > std::max(out_.least_distance, 0.0)) return;
+    if (beyond.norm() - (c.to - c.from).norm() / 2 - c.radius > std::clamp(least.distance, 0.0, kWide)) return;
     const double d = gap(c, s);
-    // An item that lies on its belt is no narrow place.
-    if (!(c.cargo && near(p, s))) out_.least_distance = std::min(out_.least_distance, std::max(d, c.cargo ? 0.0 : d));
+    // Where the tool takes and puts, it and what it holds come to what stands there: no narrow place of the way.
+    const bool works = (c.cargo || c.tool) && s.kind != "fence" && (p.near_spot >= 0 || p.near_conveyor >= 0);
+    if (!works && d < least.distance) {
+      least.distance = std::max(d, c.cargo ? 0.0 : d);
+      least.mover = called(m, p.task, c);
+      least.at = (c.from + c.to) / 2;
+    }
     if (d < 0) find(called(m, p.task, c), s.name, called(m, p.task, c), s.name, c.cargo ? -1 : -d, (c.from + c.to) / 2);
+  }
+  void collect_gaps() {
+    for (auto& [key, g] : gaps_) {
+      if (!(g.distance <= kWide)) continue;
+      out_.least_distance = std::min(out_.least_distance, g.distance);
+      g.distance = std::max(g.distance, 0.0);
+      out_.gaps.push_back(std::move(g));
+    }
+    std::stable_sort(out_.gaps.begin(), out_.gaps.end(),
+                     [](const Gap& x, const Gap& y) { return x.distance < y.distance; });
   }
 
   void against_bodies() {
     for (std::size_t m = 0; m < positions_.size(); ++m) {
       for (const Position& p : positions_[m]) {
         for (const Solid& s : solids_) {
+          Gap& least = gap_of(m, s);
           const double far = (p.middle - s.middle).norm() - p.radius - s.size.norm() / 2;
-          if (far > std::min(out_.least_distance, 1.0)) continue;
+          if (far > std::clamp(least.distance, 0.0, kWide)) continue;
           const bool mine = near(p, s);
           for (const Capsule& c : p.links) {
             // An item lies on its belt; a container stands in its place.
             if (c.mount || (c.tool && mine && !(c.cargo && p.near_conveyor >= 0))) continue;
-            judge(m, p, c, s);
+            judge(m, p, c, s, least);
           }
         }
       }
@@ -326,9 +356,11 @@ class Judge {
         const bool through =
             p.near_spot >= 0 && cell_.spots[static_cast<std::size_t>(p.near_spot)].kind == Spot::Kind::opening;
         for (const auto& [s, open] : fences_) {
-          if ((p.middle - s.middle).norm() > p.radius + s.size.norm() / 2) continue;
+          Gap& least = gap_of(m, s);
+          const double far = (p.middle - s.middle).norm() - p.radius - s.size.norm() / 2;
+          if (far > std::clamp(least.distance, 0.0, kWide)) continue;
           for (const Capsule& c : p.links)
-            if (!c.mount && !(c.tool && through && open)) judge(m, p, c, s);
+            if (!c.mount && !(c.tool && through && open)) judge(m, p, c, s, least);
         }
       }
     }
@@ -370,6 +402,47 @@ class Judge {
                 find(called(m, p.task, link), cell_.spots[s].name + " container", called(m, p.task, link), called(c, s),
                      link.cargo ? -1 : -d, (link.from + link.to) / 2);
             }
+          }
+        }
+      }
+    }
+  }
+
+  /// Bases against everything but what carries them.
+  void bases_stand_free(const Motions& motions) {
+    constexpr double kFoot = 1e-3;  // m
+    for (std::size_t m = 0; m < cell_.machines.size(); ++m) {
+      const Machine& machine = cell_.machines[m];
+      const bool serial = kinematics::is_serial(machine.model);
+      const std::string name = fmt::format("the base of {}", machine.name);
+      for (const BaseBody& base : bases(machine, motions.home[m])) {
+        const bodies::Shape shape = base.disc ? bodies::cylinder(base.from, base.to, base.radius)
+                                              : bodies::capsule(base.from, base.to, base.radius);
+        const Vec3 middle = (base.from + base.to) / 2;
+        const double reach = (base.to - base.from).norm() / 2 + base.radius;
+        const auto against = [&](const Solid& s) {
+          if ((middle - s.middle).norm() > reach + s.size.norm() / 2) return;
+          if (std::find(machine.mounted_on.begin(), machine.mounted_on.end(), s.name) != machine.mounted_on.end())
+            return;
+          if (serial && distance(base.from, base.from, s) < kFoot) return;
+          if (touch(shape, Pose{}, shape_of(s), pose_of(s))) find(name, s.name, name, s.name, -1, middle);
+        };
+        for (const Solid& s : solids_) against(s);
+        for (const auto& [s, open] : fences_) against(s);
+        for (std::size_t s = 0; s < crowds_.size(); ++s) {
+          const Crowd& crowd = crowds_[s];
+          if (crowd.all.empty() || (middle - crowd.middle).norm() > reach + crowd.radius) continue;
+          for (const Standing& c : crowd.all)
+            if (touch(shape, Pose{}, shrunk(c.bottom, c.top, cell_.containers[0].diameter / 2), Pose{}))
+              find(name, cell_.spots[s].name + " container", name, called(c, s), -1, (c.bottom + c.top) / 2);
+        }
+        for (std::size_t o = 0; o < positions_.size(); ++o) {
+          if (o == m) continue;
+          for (const Position& p : positions_[o]) {
+            if ((middle - p.middle).norm() > reach + p.radius) continue;
+            for (const Capsule& c : p.links)
+              if (touch(shape, Pose{}, shape_of(c), Pose{}))
+                find(called(o, p.task), name, called(o, p.task, c), name, -1, (c.from + c.to) / 2);
           }
         }
       }
@@ -460,6 +533,7 @@ class Judge {
   std::vector<Crowd> crowds_;                   ///< of each spot
   std::vector<std::vector<Position>> positions_;
   std::map<std::pair<std::string, std::string>, Finding> found_;
+  std::map<std::pair<std::size_t, std::string>, Gap> gaps_;  ///< of a machine and a body or fence
   Layout out_;
 };
 
@@ -522,6 +596,51 @@ std::vector<Capsule> links(const Machine& machine, const Pose& X_MT, const Joint
   return out;
 }
 
+std::vector<BaseBody> bases(const Machine& machine, const JointVector& home) {
+  using Role = machine::OutlinePart::Role;
+  std::vector<BaseBody> out;
+  const kinematics::ForwardResult f = kinematics::forward(machine.model, home);
+  if (f.poses.empty()) return out;
+  if (kinematics::is_serial(machine.model)) {
+    for (const Capsule& c : links(machine, f.poses[0], home)) {
+      if (!c.mount || c.tool) continue;
+      // The last of what is mounted is the column; before it the lines of the base are a picture.
+      out.assign(1, {c.from, c.to, c.radius, false});
+    }
+    return out;
+  }
+  std::vector<Vec3> joints;
+  for (const machine::OutlinePart& part : kinematics::outline_at(machine.model, f.poses[0], home)) {
+    if (part.role != Role::fixed) continue;
+    std::vector<Vec3> points;
+    for (const Vec3& p : part.points) points.push_back(machine.X_CM * p);
+    if (points.size() == 2) {
+      out.push_back({points[0], points[1], machine.body / 2, false});
+    } else {
+      joints.insert(joints.end(), points.begin(), points.end());
+    }
+  }
+  if (joints.size() < 3) return out;
+  // The outline comes back to its first joint.
+  if ((joints.front() - joints.back()).norm() < 1e-9) joints.pop_back();
+  Vec3 middle = Vec3::Zero();
+  for (const Vec3& p : joints) middle += p / static_cast<double>(joints.size());
+  Mat3 spread = Mat3::Zero();
+  for (const Vec3& p : joints) spread += (p - middle) * (p - middle).transpose();
+  const Eigen::SelfAdjointEigenSolver<Mat3> axes(spread);
+  const Vec3 normal = axes.eigenvectors().col(0);  // of the least spread
+  double radius = 0, thick = 0;
+  for (const Vec3& p : joints) {
+    const double up = (p - middle).dot(normal);
+    radius = std::max(radius, (p - middle - up * normal).norm());
+    thick = std::max(thick, std::abs(up));
+  }
+  if (!(radius > 0)) return out;
+  thick += machine.body / 2;
+  out.push_back({middle - thick * normal, middle + thick * normal, radius + machine.body / 2, true});
+  return out;
+}
+
 double distance(const Vec3& from, const Vec3& to, const Solid& solid) {
   const Vec3 a = into(solid, from), d = into(solid, to) - a, half = solid.size / 2;
   const auto at = [&](double t) { return ((a + t * d).cwiseAbs() - half).cwiseMax(0.0).norm(); };
@@ -568,7 +687,7 @@ std::pair<Vec3, Vec3> extent(const Cell& cell) {
 }
 
 Layout layout(const Cell& cell, const Motions& motions) {
-  return Judge(cell, motions).run();
+  return Judge(cell, motions).run(motions);
 }
 
 }  // namespace polypod::cell

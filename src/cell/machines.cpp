@@ -14,15 +14,19 @@ void World::act(std::size_t m, const std::string& what, bool busy) {
   close(arm);
   arm.activity = what;
   arm.active = busy;
+  arm.begun = sim_.now();
 }
 
 void World::close(Arm& arm) {
   const double passed = sim_.now() - arm.since;
-  if (arm.active)
+  if (halted_)
+    arm.stopped += passed;
+  else if (arm.active)
     arm.busy_time += passed;
   else if (passed > 0)
     arm.waiting[arm.activity.starts_with("waits: ") ? arm.activity.substr(7) : arm.activity] += passed;
-  if (settings_.record && passed > 0) arm.intervals.push_back({arm.since, sim_.now(), arm.activity, arm.active});
+  if (settings_.record && passed > 0)
+    arm.intervals.push_back({arm.since, sim_.now(), halted_ ? "stopped" : arm.activity, arm.active && !halted_});
   arm.since = sim_.now();
 }
 

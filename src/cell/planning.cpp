@@ -11,6 +11,8 @@
 #include <numeric>
 #include <set>
 
+#include "sum_of_ways.hpp"
+
 namespace polypod::cell {
 namespace {
 
@@ -222,40 +224,38 @@ Plan coordinates(const FlowMatrix& flows, const std::vector<Station>& stations) 
   const auto flow = [&](std::size_t i, std::size_t k) {
     return flows(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k));
   };
-  /// Weighted means; `by_distance` divides the weights by the distances (Weiszfeld).
-  const auto settle = [&](std::vector<Vec2> places, bool by_distance) {
-    constexpr int kMost = 20000;
-    constexpr double kWithin = 1e-10, kNear = 1e-9;  // m
-    for (int round = 0; round < kMost; ++round) {
-      double moved = 0;
-      for (std::size_t i = 0; i < n; ++i) {
-        if (stations[i].fixed) continue;
-        Vec2 sum = Vec2::Zero();
-        double weight = 0;
-        for (std::size_t k = 0; k < n; ++k) {
-          if (k == i || !(flow(i, k) > 0)) continue;
-          const double w = by_distance ? flow(i, k) / std::max(kNear, (places[i] - places[k]).norm()) : flow(i, k);
-          sum += w * places[k];
-          weight += w;
-        }
-        if (!(weight > 0)) continue;
-        const Vec2 to = sum / weight;
-        moved = std::max(moved, (to - places[i]).norm());
-        places[i] = to;
+  constexpr int kMost = 20000;
+  constexpr double kWithin = 1e-10;  // m
+  for (int round = 0; round < kMost; ++round) {
+    double moved = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      if (stations[i].fixed) continue;
+      Vec2 sum = Vec2::Zero();
+      double weight = 0;
+      for (std::size_t k = 0; k < n; ++k) {
+        if (k == i || !(flow(i, k) > 0)) continue;
+        sum += flow(i, k) * out.places[k];
+        weight += flow(i, k);
       }
-      if (moved < kWithin) break;
+      if (!(weight > 0)) continue;
+      const Vec2 to = sum / weight;
+      moved = std::max(moved, (to - out.places[i]).norm());
+      out.places[i] = to;
     }
-    return places;
-  };
-  out.places = settle(out.places, false);
+    if (moved < kWithin) break;
+  }
   out.score = transport(flows, out.places);
-  out.best_places = settle(out.places, true);
-  const double best = transport(flows, out.best_places);
-  if (best > out.score) out.best_places = out.places;
-  out.best = std::min(best, out.score);
-  const bool free = std::any_of(stations.begin(), stations.end(), [](const Station& s) { return !s.fixed; });
-  out.best_is = free ? "all places of the free stations (Weiszfeld's iteration)"
-                     : "the present places: no station is free (fixed = false)";
+  if (std::all_of(stations.begin(), stations.end(), [](const Station& s) { return s.fixed; })) {
+    out.best = out.score;
+    out.best_places = out.places;
+    out.best_is = "the present places: no station is free (fixed = false)";
+    return out;
+  }
+  LeastWays least = least_ways(flows, stations);
+  out.best = least.sum;
+  out.best_places = std::move(least.places);
+  out.bound = least.bound;
+  out.best_is = "all places of the free stations";
   return out;
 }
 
@@ -366,6 +366,13 @@ Plan systematic(std::size_t n, const std::vector<Relation>& relations) {
     out.best_is = "all assignments to the same cells";
   }
   return out;
+}
+
+std::string rounded_down(double bound) {
+  constexpr int kDigits = 6;
+  if (!(bound > 0)) return "0";
+  const double unit = std::pow(10.0, std::floor(std::log10(bound)) + 1 - kDigits);
+  return fmt::format("{:.{}g}", std::floor(bound / unit) * unit, kDigits);
 }
 
 Planning planning(const Cell& cell, const std::vector<Flow>& flows) {

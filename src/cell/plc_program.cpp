@@ -149,6 +149,19 @@ std::string comment_text(const std::string& text) {
   return out;
 }
 
+/// The machines, in their order, whose tasks come into a zone.
+std::vector<std::size_t> users_of(const Cell& cell, const std::string& zone) {
+  std::vector<std::size_t> out;
+  for (std::size_t m = 0; m < cell.machines.size(); ++m) {
+    const bool comes = std::any_of(cell.tasks.begin(), cell.tasks.end(), [&](const Task& t) {
+      const auto in = [&](int spot) { return spot >= 0 && cell.spots[static_cast<std::size_t>(spot)].zone == zone; };
+      return t.machine == static_cast<int>(m) && (in(t.from) || in(t.via) || in(t.to));
+    });
+    if (comes) out.push_back(m);
+  }
+  return out;
+}
+
 PlcProgram plc_program(const Cell& cell, std::string (*in_state)(const std::string& state)) {
   using Section = PlcVariable::Section;
   PlcProgram out;
@@ -168,6 +181,16 @@ PlcProgram plc_program(const Cell& cell, std::string (*in_state)(const std::stri
   for (const Task& t : cell.tasks) add(Section::input, names.of("Can", t.name, ""), "BOOL", condition_of(cell, t));
   for (const Machine& m : cell.machines)
     add(Section::input, names.of("", m.name, "Done"), "BOOL", "its task has ended");
+  std::set<std::string> zones;
+  for (const Spot& s : cell.spots)
+    if (!s.zone.empty()) zones.insert(s.zone);
+  const auto machine_in = [&](std::size_t m, const char* verb, const std::string& zone) {
+    return names.of(names.of("", cell.machines[m].name, verb), zone, "");
+  };
+  for (const std::string& zone : zones)
+    for (const std::size_t m : users_of(cell, zone))
+      add(Section::input, machine_in(m, "Needs", zone), "BOOL",
+          "from before it enters the zone until it has left it, as its program says");
   add(Section::input, "AllServed", "BOOL");
   add(Section::input, "HoldersEmpty", "BOOL");
   for (const Conveyor& c : cell.conveyors) add(Section::output, names.of("Run", c.name, ""), "BOOL");
@@ -175,16 +198,18 @@ PlcProgram plc_program(const Cell& cell, std::string (*in_state)(const std::stri
     add(Section::output, tasks_of[m], "INT", "number of its task; 0: none");
     add(Section::output, names.of("", cell.machines[m].name, "Home"), "BOOL", "it goes home");
   }
+  for (const std::string& zone : zones)
+    for (const std::size_t m : users_of(cell, zone))
+      add(Section::output, machine_in(m, "May", zone), "BOOL", "it may enter; it waits outside until then");
   add(Section::output, "AskForRefill", "BOOL");
   add(Section::local, "Halted", "BOOL", "after STOP, until START", "TRUE");
   add(Section::local, "ServePending", "INT", "times SERVE was pressed and not yet done");
   add(Section::local, "ServeWasPressed", "BOOL");
-  std::set<std::string> zones;
-  for (const Spot& s : cell.spots)
-    if (!s.zone.empty()) zones.insert(s.zone);
-  for (const std::string& zone : zones)
-    add(Section::local, names.of("Zone", zone, ""), "INT",
-        "0: free, else the machine that holds it; machines ask for it and give it back");
+  for (const std::string& zone : zones) {
+    add(Section::local, names.of("Zone", zone, ""), "INT", "0: free, else the number of the machine that holds it");
+    for (const std::size_t m : users_of(cell, zone))
+      add(Section::local, machine_in(m, "Waits", zone), "INT", "cycles that it has waited, up to 30000");
+  }
 
   out.before = {"IF ServePressed AND NOT ServeWasPressed THEN ServePending := ServePending + 1; END_IF;",
                 "ServeWasPressed := ServePressed;", "IF StartPressed AND GuardsClosed THEN Halted := FALSE; END_IF;",
@@ -221,6 +246,32 @@ PlcProgram plc_program(const Cell& cell, std::string (*in_state)(const std::stri
       lines.emplace_back("END_IF;");
     }
     lines.push_back(fmt::format("{} := {} = 0 AND NOT {};", names.of("", name, "Home"), number, runs));
+  }
+  // Interlocks: who has left gives a zone back, and who has waited longest takes it.
+  for (const std::string& zone : zones) {
+    const std::vector<std::size_t> users = users_of(cell, zone);
+    const std::string holder = names.of("Zone", zone, "");
+    lines.emplace_back();
+    lines.push_back(fmt::format("(* {}: one machine at a time *)", comment_text(zone)));
+    for (const std::size_t m : users)
+      lines.push_back(fmt::format("IF {} = {} AND NOT {} THEN {} := 0; END_IF;", holder, m + 1,
+                                  machine_in(m, "Needs", zone), holder));
+    for (const std::size_t m : users) {
+      std::string first;
+      for (const std::size_t other : users)
+        if (other != m)
+          first += fmt::format(" AND NOT ({} AND {} > {})", machine_in(other, "Needs", zone),
+                               machine_in(other, "Waits", zone), machine_in(m, "Waits", zone));
+      lines.push_back(fmt::format("IF {} = 0 AND {}{} THEN {} := {}; END_IF;", holder, machine_in(m, "Needs", zone),
+                                  first, holder, m + 1));
+    }
+    for (const std::size_t m : users) {
+      const std::string waits = machine_in(m, "Waits", zone);
+      lines.push_back(fmt::format("{} := {} = {};", machine_in(m, "May", zone), holder, m + 1));
+      lines.push_back(
+          fmt::format("IF {} AND NOT {} THEN IF {} < 30000 THEN {} := {} + 1; END_IF; ELSE {} := 0; END_IF;",
+                      machine_in(m, "Needs", zone), machine_in(m, "May", zone), waits, waits, waits, waits));
+    }
   }
   return out;
 }

@@ -198,8 +198,8 @@ std::string plcopen_xml(const Cell& cell) {
 
   xml.open("pou name=\"CellStates\" pouType=\"functionBlock\"");
   std::vector<PlcVariable> block;
-  const std::vector<std::string> inputs{"StartPressed", "EndPressed",   "GuardsClosed", "Refilled",
-                                        "AllServed",    "HoldersEmpty", "MachinesIdle"};
+  const std::vector<std::string> inputs{"StartPressed", "StopPressed", "EndPressed",   "GuardsClosed",
+                                        "Refilled",     "AllServed",   "HoldersEmpty", "MachinesIdle"};
   for (const std::string& name : inputs) block.push_back({Section::input, name, "BOOL", "", ""});
   for (const std::string& state : chart.states) block.push_back({Section::output, "In" + state, "BOOL", "", ""});
   xml.open("interface");

@@ -96,6 +96,24 @@ Status Reader::fresh_name(const Table& table, std::string& out) {
 }
 
 Status Reader::together() {
+  for (const Conveyor& c : cell_.conveyors) {
+    const auto named = [&](const Body& b) { return b.name == c.chute; };
+    if (c.chute.empty() || std::any_of(cell_.bodies.begin(), cell_.bodies.end(), named)) continue;
+    return fail("CE102", fmt::format("the chute \"{}\" of conveyor {} is no body", one_line(c.chute), c.name), c.place,
+                "add a [[body]] of that name");
+  }
+  for (const Machine& machine : cell_.machines) {
+    for (const std::string& name : machine.mounted_on) {
+      std::vector<std::string> known;
+      for (const Body& b : cell_.bodies) known.push_back(b.name);
+      for (const Spot& s : cell_.spots) known.push_back(s.name);
+      for (const Conveyor& c : cell_.conveyors) known.push_back(c.name);
+      if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+      return fail("CE102",
+                  fmt::format("{} is mounted on \"{}\": there is no body of that name", machine.name, one_line(name)),
+                  machine.place, did_you_mean(name, known) + fmt::format("known here: {}", fmt::join(known, ", ")));
+    }
+  }
   // A pour spot or source must come before a window where the items are taken, or they never reach it.
   for (const Task& task : cell_.tasks) {
     if (task.from_conveyor < 0) continue;

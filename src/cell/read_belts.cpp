@@ -94,6 +94,11 @@ Status Reader::conveyors() {
     out.drop = drop;
     out.drop_spread = spread;
     out.sensor = sensor;
+    POLYPOD_ASSIGN(acceleration, table.optional_number("acceleration_mm_per_s2", 0, {0, 1e12}));
+    POLYPOD_ASSIGN(chute, table.optional_text("chute", ""));
+    out.acceleration = units::from_mm(acceleration);
+    out.chute = chute;
+    out.drop_given = table.has("drop_mm");
     if (!cell_.items.empty() && cell_.items[0].diameter > width) {
       return fail("CE103",
                   fmt::format("{} of {:g} mm is wider than the belt of conveyor {}, {:g} mm", cell_.items[0].name,
@@ -104,7 +109,7 @@ Status Reader::conveyors() {
     cell_.conveyors.push_back(out);
   }
   for (std::size_t i = 0; i < tables.size(); ++i) {
-    const Conveyor& c = cell_.conveyors[i];
+    Conveyor& c = cell_.conveyors[i];
     if (c.onto.empty()) continue;
     POLYPOD_ASSIGN(next, index_of(cell_.conveyors, tables[i], "onto", "conveyor"));
     if (next == static_cast<int>(i)) {
@@ -112,6 +117,7 @@ Status Reader::conveyors() {
                   "name another conveyor, or leave onto out");
     }
     const Conveyor& o = cell_.conveyors[static_cast<std::size_t>(next)];
+    if (!c.drop_given) c.drop = c.flight(c.at.z() - o.at.z());
     for (const double drop : {c.drop - c.drop_spread, c.drop + c.drop_spread}) {
       const Vec3 end = c.point(c.length + drop, 0);
       const auto [along, across] = on_belt(o, end);

@@ -220,6 +220,8 @@ Status Reader::machines(const std::string& file) {
     POLYPOD_TRY(number("release_s", out.release, 1, kSeconds));
     POLYPOD_TRY(number("grip_failures", out.failure, 1, {0, 0.99}));
     POLYPOD_TRY(number("body_diameter_mm", out.body, mm, kMaybeSize_mm));
+    POLYPOD_ASSIGN(mounted_on, table.optional_texts("mounted_on"));
+    out.mounted_on = mounted_on;
     POLYPOD_ASSIGN(folds, table.optional_boolean("folds", false));
     if (folds && !kinematics::is_serial(out.model)) {
       return fail("CE106", fmt::format("{} has no first joint to turn about: only arms fold", out.name),

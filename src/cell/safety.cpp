@@ -2,11 +2,15 @@
 #include "polypod/cell/safety.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "common.hpp"
+#include "polypod/bodies/shape.hpp"
+#include "polypod/cell/layout.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/geometry/segments.hpp"
 
@@ -154,6 +158,15 @@ const std::vector<std::pair<std::string, double>>& crushing_gaps() {
   return kGaps;
 }
 
+std::vector<std::string> crushed_in(double gap) {
+  std::vector<std::pair<std::string, double>> parts = crushing_gaps();
+  std::stable_sort(parts.begin(), parts.end(), [](const auto& x, const auto& y) { return x.second > y.second; });
+  std::vector<std::string> out;
+  for (const auto& [part, least] : parts)
+    if (gap < least - 1e-9) out.push_back(part);
+  return out;
+}
+
 Stopping stopping_of(const Machine& machine) {
   if (machine.stopping >= 0) return {machine.stopping, true};
   double time = 0;
@@ -166,7 +179,54 @@ Stopping stopping_of(const Machine& machine) {
   return {time, false};
 }
 
-Safety safety(const Cell& cell, const std::vector<Swept>& space) {
+namespace {
+
+/// What the values of ISO 13854 say of a gap.
+std::string crushing_text(double gap) {
+  const std::vector<std::string> parts = crushed_in(gap);
+  return parts.empty() ? "wide enough for a body (ISO 13854)"
+                       : fmt::format("too narrow for {} (ISO 13854)", fmt::join(parts, ", "));
+}
+
+/// Distance of the boxes of two belts, m; 0 where they touch.
+double between(const Solid& a, const Solid& b) {
+  const auto pose = [](const Solid& s) {
+    Pose X;
+    X.R = Eigen::AngleAxisd(s.turn, Vec3::UnitZ()).toRotationMatrix();
+    X.p = s.middle;
+    return X;
+  };
+  return bodies::distance(bodies::box(-a.size / 2, a.size / 2), pose(a), bodies::box(-b.size / 2, b.size / 2), pose(b),
+                          kInfinity)
+      .high;
+}
+
+/// Gaps that are narrower than a body: between what moves and what stands, and between belts.
+void add_gaps(const Cell& cell, const std::vector<Gap>& gaps, Safety& out) {
+  const double body = crushing_gaps().front().second;
+  for (const Gap& g : gaps) {
+    if (g.distance >= body) break;
+    out.hazards.push_back({fmt::format("{} and {}", g.machine, g.what), "crushing",
+                           fmt::format("{} passes the {} {} near {}: {}", g.mover, g.kind, g.what, place_text(g.at),
+                                       crushing_text(g.distance)),
+                           "", g.distance, 2, 1, 1, true});
+  }
+  const std::vector<Solid> all = solids(cell);
+  const auto belt = [&](const std::string& name) {
+    return std::find_if(all.begin(), all.end(), [&](const Solid& s) { return s.name == name; });
+  };
+  for (const Conveyor& c : cell.conveyors) {
+    if (c.onto.empty()) continue;
+    const double gap = between(*belt(c.name), *belt(c.onto));
+    if (gap >= body) continue;
+    out.hazards.push_back({c.name + " and " + c.onto, "crushing",
+                           fmt::format("between the bodies of the belts: {}", crushing_text(gap)), "", gap, 1, 1, 1});
+  }
+}
+
+}  // namespace
+
+Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vector<Gap>& gaps) {
   Safety out;
   for (const Machine& m : cell.machines) {
     const Stopping s = stopping_of(m);
@@ -296,15 +356,8 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space) {
     if (c.power > 0)
       out.hazards.push_back({c.name, "electrical", fmt::format("motor of {:.0f} W", c.power),
                              "to be checked: insulation, labels", -1, 2, 1, 2});
-    // Gaps between this belt and the one that it feeds.
-    for (const Conveyor& o : cell.conveyors) {
-      if (o.name != c.onto) continue;
-      const double gap = c.at.z() - c.depth - o.at.z();
-      if (std::abs(gap) < 0.5)
-        out.hazards.push_back(
-            {c.name + " and " + o.name, "crushing", "gap between the belts", "", std::abs(gap), 1, 1, 1});
-    }
   }
+  add_gaps(cell, gaps, out);
   out.hazards.push_back({"all parts", "cutting", "edges and burrs", "to be checked: deburred", -1, 1, 1, 1});
   out.assumed.push_back(fmt::format("people walk at {:.1f} m/s and reach at 2.0 m/s (ISO 13855)", kWalk));
   return out;

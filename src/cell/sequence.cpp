@@ -78,24 +78,26 @@ std::vector<SequenceRow> sequence(const Cell& cell) {
     }
   }
   out.push_back({"Ending", "10", "holders are empty and machines idle", "belts stop, machines go home", "Waiting"});
-  out.push_back({"Waiting", "11, 12", "START is pressed", "", "Working"});
-  out.push_back({"Refill", "14", "the pallet is full again and START is pressed", "", "Working"});
+  out.push_back({"Waiting", "11, 12", "guards are closed and START is pressed", "", "Working"});
+  out.push_back({"Refill", "14", "the pallet is full again, guards are closed and START is pressed", "", "Working"});
   out.push_back({"any", "", "STOP is pressed or a guard opens",
                  fmt::format("stop of category {}: belts and machines stand", cell.stop_category), "START goes on"});
   return out;
 }
 
 StateChart state_chart(const Cell& cell) {
+  // The same press clears Halted: a state with work is never entered while everything stands.
+  constexpr const char* kStart = "StartPressed AND GuardsClosed AND NOT StopPressed";
   std::string idle = "HoldersEmpty";
   Identifiers names;
   for (const Machine& m : cell.machines) idle += fmt::format(" AND {} = 0", names.of("", m.name, "Task"));
   return {{"Stopped", "Working", "Ending", "Waiting", "Refill"},
-          {{"Stopped", "Working", "StartPressed AND GuardsClosed", "START"},
+          {{"Stopped", "Working", kStart, "START"},
            {"Working", "Ending", "EndPressed", "END"},
            {"Working", "Refill", "AllServed", "no container is left"},
            {"Ending", "Waiting", idle, "holders empty, machines idle"},
-           {"Waiting", "Working", "StartPressed AND GuardsClosed", "START"},
-           {"Refill", "Working", "Refilled AND StartPressed", "refilled and START"}}};
+           {"Waiting", "Working", kStart, "START"},
+           {"Refill", "Working", std::string("Refilled AND ") + kStart, "refilled and START"}}};
 }
 
 }  // namespace polypod::cell

@@ -68,6 +68,7 @@ Outcome World::run() {
   for (std::size_t k = 0; k < cell_.sources.size(); ++k) sim_.start(feed(k));
   for (std::size_t m = 0; m < arms_.size(); ++m) sim_.start(run_machine(m));
   sim_.start(operate());
+  note(1, "cell", "containers are in their places; waits for START");
   if (settings_.record) film();
   // In pieces, so that a run can be stopped; time passes the same way in one piece.
   constexpr int kPieces = 50;
@@ -97,6 +98,11 @@ void World::set_state(State state) {
   changed_.notify();
 }
 
+void World::halt(bool stop) {
+  for (Arm& arm : arms_) close(arm);
+  halted_ = stop;
+}
+
 Process World::operate() {
   for (const Command& command : cell_.commands) {
     const double wait = command.time - sim_.now();
@@ -104,9 +110,9 @@ Process World::operate() {
     const double progress = last_progress_;
     switch (command.order) {
       case Order::start:
-        note(halted_ ? 0 : 2, "operator", "START");
+        note(halted_ ? 0 : state_ == State::waiting ? 12 : 2, "operator", "START");
         if (halted_) {
-          halted_ = false;
+          halt(false);
           state_since_ = sim_.now();
           update_belts();
           resumed_.notify();
@@ -121,7 +127,7 @@ Process World::operate() {
         note(0, "operator", "STOP");
         if (!halted_ && is_on(state_)) {
           out_.working += sim_.now() - state_since_;
-          halted_ = true;
+          halt(true);
           update_belts();
           halt_.notify();
         }
@@ -132,7 +138,7 @@ Process World::operate() {
         changed_.notify();
         break;
       case Order::end:
-        note(0, "operator", "END");
+        note(state_ == State::working ? 7 : 0, "operator", "END");
         if (state_ == State::working) set_state(State::ending);
         break;
     }
@@ -234,6 +240,7 @@ Outcome World::finish() {
     close(arm);
     MachineUse use;
     use.busy = arm.busy_time;
+    use.stopped = arm.stopped;
     use.waiting.assign(arm.waiting.begin(), arm.waiting.end());
     use.intervals = std::move(arm.intervals);
     use.legs = std::move(arm.legs);

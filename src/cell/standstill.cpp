@@ -150,9 +150,26 @@ void World::find_standstill() {
       text += ", which nobody brings";
   }
   out_.standstill = text;
+  // Work that has come to its end is no deadlock: what was to be filled is full, and nothing takes anything away there.
+  for (std::size_t t = 0; t < cell_.tasks.size() && !circle; ++t) {
+    const Task& task = cell_.tasks[t];
+    if (task.from_conveyor >= 0 || task.to == task.from) continue;
+    if (!stuck.contains(cell_.machines[static_cast<std::size_t>(task.machine)].name)) continue;
+    const std::vector<Slot>& slots = spots_[static_cast<std::size_t>(task.to)];
+    const bool full = std::all_of(slots.begin(), slots.end(), [](const Slot& s) { return s.tin.has_value(); });
+    const Spot& spot = cell_.spots[static_cast<std::size_t>(task.to)];
+    const bool taken =
+        spot.kind == Spot::Kind::opening ||
+        std::any_of(cell_.tasks.begin(), cell_.tasks.end(), [&](const Task& o) { return o.from == task.to; });
+    // Something waits to be brought there.
+    bool brought = false;
+    for (const Slot& slot : spots_[static_cast<std::size_t>(task.from)])
+      brought |= slot.tin && matches(task, *slot.tin);
+    if (full && !taken && brought) out_.full = spot.name;
+  }
   double since = 0;
   for (std::size_t m = 0; m < arms_.size(); ++m)
-    if (stuck.contains(cell_.machines[m].name)) since = std::max(since, arms_[m].since);
+    if (stuck.contains(cell_.machines[m].name)) since = std::max(since, arms_[m].begun);
   out_.stands_since = sim_.idle() ? std::min(since, last_progress_) : since;
 }
 

@@ -70,8 +70,9 @@ struct Arm {
   std::string zone;  ///< that it holds
   std::string activity = "waits: START";
   bool active = false;
-  double since = 0;
-  double busy_time = 0;
+  double begun = 0;  ///< the activity
+  double since = 0;  ///< its time is booked
+  double busy_time = 0, stopped = 0;
   std::map<std::string, double> waiting;
   std::vector<Interval> intervals;
   std::vector<Leg> legs;
@@ -112,7 +113,10 @@ class World {
   void went(const std::string& from, const std::string& to, int count = 1) { traffic_[{from, to}] += count; }
 
   void act(std::size_t m, const std::string& what, bool busy);
+  /// Books the time since the last booking: to what the machine does, or to the STOP that holds it.
   void close(Arm& arm);
+  /// Everything stands, or goes on.
+  void halt(bool stop);
 
   /// Takes pictures of a recorded run.
   void film();

@@ -355,7 +355,10 @@ void layout_section(report::Report& page, const CellResult& r) {
   table.columns = {{"method", "", -1}, {"measure", "", -1}, {"score", "", -1}, {"best", "", -1}, {"best of", "", -1}};
   for (const cell::Plan& p : r.planning.plans) {
     table.rows.push_back({p.method, p.measure, report::number(p.score, 4),
-                          p.best ? report::number(*p.best, 4) : std::string("not enumerated"), p.best_is});
+                          !p.best   ? std::string("not enumerated")
+                          : p.bound ? fmt::format("{:.6g}, proven not below {}", *p.best, cell::rounded_down(*p.bound))
+                                    : report::number(*p.best, 4),
+                          p.best_is});
   }
   page.add_table(table);
   std::vector<std::pair<std::string, report::Figure>> panels;
@@ -497,6 +500,8 @@ void cycle_section(report::Report& page, const CellResult& r) {
     for (const auto& [what, seconds] : m.waiting)
       if (std::find(reasons.begin(), reasons.end(), what) == reasons.end()) reasons.push_back(what);
   for (const std::string& what : reasons) bars.parts.push_back("waits: " + what);
+  const bool stopped = std::any_of(o.machines.begin(), o.machines.end(), [](const auto& m) { return m.stopped > 0; });
+  if (stopped) bars.parts.emplace_back("stopped by STOP");
   for (std::size_t m = 0; m < o.machines.size(); ++m) {
     report::BarChart::Row row{r.cell.machines[m].name, {100 * o.machines[m].busy / o.seconds}};
     for (const std::string& what : reasons) {
@@ -505,6 +510,7 @@ void cycle_section(report::Report& page, const CellResult& r) {
         if (key == what) seconds = value;
       row.parts.push_back(100 * seconds / o.seconds);
     }
+    if (stopped) row.parts.push_back(100 * o.machines[m].stopped / o.seconds);
     bars.rows.push_back(row);
     if (!o.machines[m].intervals.empty()) {
       gantt.names.push_back(r.cell.machines[m].name);
@@ -513,8 +519,9 @@ void cycle_section(report::Report& page, const CellResult& r) {
   }
   page.add_figure(bars, "Shares of the simulated time.");
   if (!gantt.rows.empty())
-    page.add_figure(gantt, fmt::format("Gantt chart of the first {} s: what each machine does; gaps are waiting.",
-                                       plain(gantt.to)));
+    page.add_figure(gantt,
+                    fmt::format("Gantt chart of the first {} s: what each machine does; gaps are waiting or a STOP.",
+                                plain(gantt.to)));
   report::Table belts;
   belts.columns = {{"conveyor", "", -1}, {"speed", "mm/s", 0}, {"runs", "%", 1}, {"most items at once", "", 0}};
   for (std::size_t b = 0; b < o.belts.size(); ++b)
@@ -593,13 +600,17 @@ void safety_section(report::Report& page, const CellResult& r) {
   page.add_table(guards);
   report::Table hazards;
   hazards.caption =
-      "Hazards by zone, to be completed: severity S, frequency F and avoidance A are proposals of 1 or 2 (risk graph).";
+      "Hazards by zone, to be completed: severity S, frequency F and avoidance A are proposals of 1 or 2 (risk graph). "
+      "Gaps of what moves are the least at the samples of the ways, but for the tool where it takes and puts; between "
+      "the samples they may be narrower.";
   hazards.columns = {{"zone", "", -1},  {"hazard", "", -1},  {"cause", "", -1},        {"gap", "mm", -1},
                      {"S F A", "", -1}, {"measure", "", -1}, {"residual risk", "", -1}};
   for (const cell::Hazard& h : r.safety.hazards)
-    hazards.rows.push_back({h.zone, h.kind, h.cause, h.gap < 0 ? std::string("") : report::number(to_mm(h.gap)),
-                            fmt::format("{} {} {}", h.severity, h.frequency, h.avoidance),
-                            h.measure.empty() ? std::string("to be given") : h.measure, std::string("to be judged")});
+    hazards.rows.push_back(
+        {h.zone, h.kind, h.cause,
+         h.gap < 0 ? std::string("") : report::number(to_mm(h.gap)) + (h.sampled ? " (samples)" : ""),
+         fmt::format("{} {} {}", h.severity, h.frequency, h.avoidance),
+         h.measure.empty() ? std::string("to be given") : h.measure, std::string("to be judged")});
   page.add_table(hazards);
   std::vector<std::string> gaps;
   for (const auto& [part, gap] : cell::crushing_gaps())

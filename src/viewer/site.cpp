@@ -12,13 +12,16 @@
 #include <optional>
 #include <set>
 
+#include "polypod/cell/judge.hpp"
 #include "polypod/control/watch.hpp"
+#include "polypod/core/config.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/machining/correct.hpp"
 #include "polypod/machining/unrolling.hpp"
+#include "polypod/pages/cell.hpp"
 #include "polypod/pages/correction.hpp"
 #include "polypod/pages/machine.hpp"
 #include "polypod/pages/watch.hpp"
@@ -41,6 +44,14 @@ std::string ending_of(const std::string& path) {
 
 std::string name_of(const std::string& path) {
   return std::filesystem::path(path).filename().string();
+}
+
+/// Whether a file has the tables of a cell, right or wrong.
+bool is_cell(const std::string& path) {
+  const auto top = config::read_file(path);
+  if (!top || !top->has("machine") || !top->has("task")) return false;
+  const auto machines = top->tables("machine");
+  return machines && !machines->empty();
 }
 
 constexpr std::string_view kJson = "application/json";
@@ -197,7 +208,7 @@ Result<Site> Site::of(const std::vector<std::string>& files, const std::string& 
   site.version_ = version;
   if (files.empty())
     return fail("VW100", "no file is given", {},
-                "name a machine, a report, a program and its job, or a record and its machine");
+                "name a machine, a report, a program and its job, a record and its machine, or a cell");
   std::vector<std::string> programs, jobs, records;
   for (const std::string& file : files) {
     const std::string end = ending_of(file);
@@ -218,13 +229,18 @@ Result<Site> Site::of(const std::vector<std::string>& files, const std::string& 
         site.items_.push_back({Item::Kind::machine, file, ""});
         continue;
       }
+      if (end == ".toml" && is_cell(file)) {
+        POLYPOD_ASSIGN(cell, cell::read(file));
+        site.items_.push_back({Item::Kind::cell, file, ""});
+        continue;
+      }
       if (end != ".toml" || !machining::read_job(file)) return tl::unexpected(m.error());
       jobs.push_back(file);
     } else {
       return fail(
           "VW101", fmt::format("{}: files of this kind are not shown", file), {},
-          "view shows machines, reports (.html), programs (.ngc, .nc, .tap, .gcode) with their job, and records (.csv) "
-          "with their machine");
+          "view shows machines, reports (.html), programs (.ngc, .nc, .tap, .gcode) with their job, records (.csv) "
+          "with their machine, and cells");
     }
   }
   if (jobs.size() > 1 || jobs.empty() != programs.empty()) {
@@ -259,6 +275,7 @@ Response Site::list() const {
     const char* what = items_[i].kind == Item::Kind::machine  ? "machine"
                        : items_[i].kind == Item::Kind::report ? "report"
                        : items_[i].kind == Item::Kind::record ? "record"
+                       : items_[i].kind == Item::Kind::cell   ? "cell"
                                                               : "program";
     links.emplace_back(fmt::format("/{}", i), fmt::format("{} ({})", name_of(items_[i].path), what));
   }
@@ -322,6 +339,17 @@ Response Site::page(std::size_t number) const {
     const auto m = machine::load(item.path);
     if (!m) return error_page(name, m.error());
     return {200, "text/html; charset=utf-8", pages::machine_page(*m, {version_, live_data(*m, number)})};
+  }
+  if (item.kind == Item::Kind::cell) {
+    auto cell = cell::read(item.path);
+    if (!cell) return error_page(name, cell.error());
+    cell::CellQuestion question;
+    question.settings.seconds = units::to_per_min(cell->minutes);
+    question.settings.seed = static_cast<std::uint64_t>(cell->seed);
+    question.settings.policy = cell->policy;
+    question.settings.record = true;
+    question.settings.progress = [this](double) { return !*stopped_; };
+    return {200, "text/html; charset=utf-8", pages::cell_page(cell::judge_cell(std::move(*cell), question), version_)};
   }
   if (item.kind == Item::Kind::record) return record_page(item.path, item.beside, version_, *stopped_);
   const auto job = machining::read_job(item.beside);

@@ -96,6 +96,74 @@ TEST(Layout, WhatStandsInTheWayIsFound) {
   EXPECT_TRUE(door);
 }
 
+// The plate of the delta's base hangs at 1456 mm, 250 mm about 1400, 1110 mm: a post through it was found by nothing.
+TEST(Layout, TheBaseOfAMachineIsABody) {
+  const auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  const Motions m = motions(*cell);
+  const auto with_post = [&](double x, double y, double bottom, double top, const std::vector<std::string>& on = {}) {
+    Cell c = *cell;
+    c.bodies.push_back({"post", "post", {x, y, (bottom + top) / 2}, {0.04, 0.04, top - bottom}, 0, false});
+    c.machines[0].mounted_on = on;
+    const Layout l = layout(c, m);
+    return std::any_of(l.problems.begin(), l.problems.end(), [](const Problem& p) {
+      return p.detail.find("the base of delta runs into post") != std::string::npos;
+    });
+  };
+  EXPECT_TRUE(with_post(1.4, 1.11, 1.40, 1.6));
+  EXPECT_TRUE(with_post(1.4 + 0.2, 1.11, 1.45, 2.0));
+  EXPECT_TRUE(with_post(1.4, 1.11, 1.465, 1.6)) << "its edge is 20 mm thick";
+  EXPECT_FALSE(with_post(1.4, 1.11, 1.467, 1.6)) << "above it";
+  EXPECT_FALSE(with_post(1.4 + 0.29, 1.11, 1.45, 2.0)) << "beside it";
+  EXPECT_FALSE(with_post(1.4, 1.11, 1.45, 2.0, {"post"})) << "it carries the machine";
+  // The column of the arm stands on what its foot touches; a body higher up is in its way.
+  Cell c = *cell;
+  c.bodies.push_back({"beam", "beam", {1.08, 0.61, 1.0}, {0.04, 0.6, 0.04}, 0, false});
+  const Layout l = layout(c, m);
+  EXPECT_TRUE(std::any_of(l.problems.begin(), l.problems.end(), [](const Problem& p) {
+    return p.detail.find("the base of arm runs into beam") != std::string::npos;
+  }));
+  // What no body stands for is named.
+  CellQuestion question;
+  question.settings.seconds = 1;
+  question.plan = false;
+  const CellResult r = judge_cell(*cell, question);
+  EXPECT_TRUE(std::any_of(r.not_judged.begin(), r.not_judged.end(), [](const std::string& t) {
+    return t ==
+           "collisions of delta with more than links of one diameter and its base, a disc of 520 mm: drives, "
+           "gears, cables and hoses are no bodies";
+  }));
+}
+
+// What machines pass, narrowest first; a fence that stands farther off leaves so much more.
+TEST(Layout, TheNarrowestGapOfEachPairIsKept) {
+  auto cell = read(test::source("cells/kozubik/cell.toml"));
+  ASSERT_TRUE(cell);
+  const Motions m = motions(*cell);
+  const Layout l = layout(*cell, m);
+  ASSERT_FALSE(l.gaps.empty());
+  EXPECT_TRUE(
+      std::is_sorted(l.gaps.begin(), l.gaps.end(), [](const Gap& a, const Gap& b) { return a.distance < b.distance; }));
+  EXPECT_EQ(l.gaps.front().distance, l.least_distance);
+  const auto front =
+      std::find_if(l.gaps.begin(), l.gaps.end(), [](const Gap& g) { return g.machine == "arm" && g.what == "front"; });
+  ASSERT_NE(front, l.gaps.end());
+  EXPECT_EQ(front->kind, "fence");
+  EXPECT_GT(front->distance, 0);
+  EXPECT_LT(front->distance, 0.03);
+  // A fence 10 mm farther away leaves 10 mm more.
+  for (Guard& g : cell->guards) {
+    if (g.name != "front") continue;
+    g.from.y() -= 0.01;
+    g.to.y() -= 0.01;
+  }
+  const Layout farther = layout(*cell, m);
+  const auto there = std::find_if(farther.gaps.begin(), farther.gaps.end(),
+                                  [](const Gap& g) { return g.machine == "arm" && g.what == "front"; });
+  ASSERT_NE(there, farther.gaps.end());
+  EXPECT_NEAR(there->distance, front->distance + 0.01, 1e-6);
+}
+
 bool finds(const Layout& l, const std::string& kind, const std::string& text) {
   return std::any_of(l.problems.begin(), l.problems.end(),
                      [&](const Problem& p) { return p.kind == kind && p.detail.find(text) != std::string::npos; });

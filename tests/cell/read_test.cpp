@@ -72,6 +72,8 @@ TEST(CellFile, FaultsAreFoundWhereTheyStand) {
       {"policy = \"first\"", "policy = \"last\"", "CE102"},
       {"minutes = 5", "minutes = 0", "CF105"},
       {"lift_mm = 40", "lift_mm = 40\ncolour = 3", "CF103"},
+      {"lift_mm = 40", "lift_mm = 40\nmounted_on = [\"beam\"]", "CE102"},
+      {"speed_mm_per_s = 100", "speed_mm_per_s = 100\nchute = \"slide\"", "CE102"},
   };
   for (const auto& fault : kFaults) {
     const Error error = error_of(fault.from, fault.to);

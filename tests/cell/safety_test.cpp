@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace polypod::cell {
 namespace {
@@ -173,6 +174,65 @@ TEST(Safety, StoppingTimeIsStatedOrFromTheDrives) {
   m.stopping = 0.2;
   EXPECT_TRUE(stopping_of(m).stated);
   EXPECT_NEAR(stopping_of(m).time, 0.2, kRounding);
+}
+
+// ISO 13854, Table 1.
+TEST(Safety, GapsThatCrush) {
+  EXPECT_TRUE(crushed_in(0.500).empty());
+  EXPECT_EQ(crushed_in(0.499), std::vector<std::string>{"body"});
+  EXPECT_EQ(crushed_in(0.110), (std::vector<std::string>{"body", "head", "leg", "foot", "arm"}));
+  EXPECT_EQ(crushed_in(0.024).size(), crushing_gaps().size());
+}
+
+const Hazard* hazard(const Safety& s, const std::string& zone) {
+  for (const Hazard& h : s.hazards)
+    if (h.zone == zone && h.kind == "crushing") return &h;
+  return nullptr;
+}
+
+// Belts at different heights whose bodies overlap in height: the gap is that in plan, 5 mm, not the 70 mm between the
+// one's bottom and the other's belt.
+TEST(Safety, GapsBetweenBeltsAreThoseOfTheirBodies) {
+  Cell cell;
+  Conveyor a, b;
+  a.name = "A";
+  a.at = {0, 0.93, 0.9};
+  a.length = 2;
+  a.width = 0.4;
+  a.frame_width = 0.45;
+  a.depth = 0.15;
+  b.name = "B";
+  b.at = {1, 0, 0.95};
+  b.heading = std::acos(-1.0) / 2;
+  b.length = 0.7;
+  b.width = b.frame_width = 0.18;
+  b.depth = 0.12;
+  b.onto = "A";
+  cell.conveyors = {a, b};
+  const Safety beside = safety(cell, {});
+  ASSERT_NE(hazard(beside, "B and A"), nullptr);
+  EXPECT_NEAR(hazard(beside, "B and A")->gap, 0.005, 1e-6);
+  EXPECT_NE(hazard(beside, "B and A")->cause.find("finger"), std::string::npos);
+  EXPECT_FALSE(hazard(beside, "B and A")->sampled);
+  // Over the other belt: the bottom at 1.02 m is 120 mm above it; 60 mm away across and up, 85 mm.
+  cell.conveyors[1].at.z() = 1.14;
+  cell.conveyors[1].length = 0.9;
+  EXPECT_NEAR(hazard(safety(cell, {}), "B and A")->gap, 0.120, 1e-6);
+  cell.conveyors[1].length = 0.645;
+  cell.conveyors[1].at.z() = 1.08;
+  EXPECT_NEAR(hazard(safety(cell, {}), "B and A")->gap, std::hypot(0.06, 0.06), 1e-6);
+}
+
+TEST(Safety, NarrowWaysOfMachinesAreHazards) {
+  const Safety s = safety(Cell{}, {},
+                          {{"arm", "front", "fence", "arm (empty)", 0.023, {1, 2, 3}},
+                           {"arm", "table", "table", "arm (home)", 0.7, {0, 0, 0}}});
+  ASSERT_NE(hazard(s, "arm and front"), nullptr);
+  EXPECT_EQ(hazard(s, "arm and front")->gap, 0.023);
+  EXPECT_TRUE(hazard(s, "arm and front")->sampled);
+  EXPECT_NE(hazard(s, "arm and front")->cause.find("arm (empty) passes the fence front near 1000, 2000, 3000 mm"),
+            std::string::npos);
+  EXPECT_EQ(hazard(s, "arm and table"), nullptr) << "wide enough for a body";
 }
 
 /// An arm that stops within 0.3 s behind one guard along x, walls beside it.

@@ -243,6 +243,22 @@ TEST(Site, SaysWhatItDoesNotShow) {
   EXPECT_EQ(Site::of({file("a.csv", "time_s\n"), "lola50", "hexapod-strut"}, "").error().id, "VW104");
 }
 
+TEST(Site, ShowsACellInMotion) {
+  const std::string cell = test::source("examples/picking_line/cell.toml");
+  const Site site = site_of({cell});
+  const Response page = site.answer(get("/0"), kPort);
+  EXPECT_EQ(page.status, 200);
+  EXPECT_THAT(page.body, HasSubstr("Robot cell: picking line"));
+  EXPECT_THAT(page.body, HasSubstr("When a tool is where is that of the simulation"));
+  // A cell with a fault is answered with that fault, not as a machine without a family.
+  std::ifstream in(cell);
+  std::string text((std::istreambuf_iterator<char>(in)), {});
+  text.replace(text.find("speed_mm_per_s = 200"), 20, "speed_mm_per_s = -20");
+  const std::string bad = ::testing::TempDir() + "/backward.toml";
+  std::ofstream(bad) << text;
+  EXPECT_EQ(Site::of({bad}, "").error().id, "CE104");
+}
+
 TEST(Site, ShowsARecordWithItsMachine) {
   const std::string path = ::testing::TempDir() + "/record.csv";
   const auto m = machine::load("hexapod-strut");

@@ -44,7 +44,16 @@ struct Conveyor {
   std::string motor;
   std::string onto;  ///< conveyor onto which its items go at the end; empty: they fall off and count as missed
   double drop = 0, drop_spread = 0;  ///< m, how far beyond the end items land on it, and how much that differs
+  bool drop_given = false;           ///< false: how far they fly
+  std::string chute;                 ///< the body that leads them from the end to where they land; empty: they fall
+  double acceleration = 0;           ///< m/s2, with which it starts and stops; 0: not given, at once
   double sensor = -1;                ///< m along the belt: it stands while an item is there or beyond; below 0: none
+
+  /// How far beyond its end an item flies that falls by `height`, m: v sqrt(2 h / g).
+  [[nodiscard]] double flight(double height) const {
+    constexpr double kGravity = 9.80665;  // m/s2
+    return speed * std::sqrt(2 * std::max(height, 0.0) / kGravity);
+  }
 
   /// A point of the belt's surface, m in C: `along` from where it begins, `across` to the left of its direction.
   [[nodiscard]] Vec3 point(double along, double across) const {
@@ -112,15 +121,16 @@ struct Machine {
   std::vector<double> joint_speed, joint_acceleration;  ///< rad or m, s; one a joint
   double tool_speed = 5, tool_acceleration = 100, tool_jerk = 5000;       ///< of deltas, m, s
   double drive_speed = 12, drive_acceleration = 250, drive_jerk = 20000;  ///< of deltas, rad or m, s
-  double straight_speed = 0.25;      ///< m/s, on the last stretch to a place and back
-  double lift = 0.04, blend = 0.03;  ///< m, of deltas: motion::Cycle
-  double grip = 0, release = 0;      ///< s: closing and opening, vacuum on and off
-  double failure = 0;                ///< share of grips of items that fail, 0 to 1
-  double body = 0.1;                 ///< m, diameter that its links are given for collisions
-  bool folds = false;                ///< between two places it draws in, turns about its first joint, and reaches out
-  double payload = 0;                ///< kg, 0: not given
-  double hand_mass = 0;              ///< kg, of gripper or sucker
-  double stopping = -1;              ///< s, after the stop was asked for; below 0: from its dynamics
+  double straight_speed = 0.25;         ///< m/s, on the last stretch to a place and back
+  double lift = 0.04, blend = 0.03;     ///< m, of deltas: motion::Cycle
+  double grip = 0, release = 0;         ///< s: closing and opening, vacuum on and off
+  double failure = 0;                   ///< share of grips of items that fail, 0 to 1
+  double body = 0.1;                    ///< m, diameter that its links are given for collisions
+  std::vector<std::string> mounted_on;  ///< bodies, places and conveyors that its base may touch
+  bool folds = false;    ///< between two places it draws in, turns about its first joint, and reaches out
+  double payload = 0;    ///< kg, 0: not given
+  double hand_mass = 0;  ///< kg, of gripper or sucker
+  double stopping = -1;  ///< s, after the stop was asked for; below 0: from its dynamics
   std::vector<std::pair<std::string, double>> defaults;  ///< keys that the file does not give, with what they became
 };
 

@@ -33,6 +33,17 @@ struct Capsule {
 /// The links of a machine at a pose with its joints.
 std::vector<Capsule> links(const Machine& machine, const Pose& X_MT, const machine::JointVector& q);
 
+/// What of a machine stands still: the plate of a base that has three joints or more, as a disc about them with
+/// `body_diameter_mm` of edge and of thickness; rails of a base, and the column of an arm up to its second joint, as
+/// round links.
+struct BaseBody {
+  Vec3 from = Vec3::Zero(), to = Vec3::Zero();  ///< m, in C; of a disc its axis
+  double radius = 0;                            ///< m
+  bool disc = false;                            ///< flat ends, else round ones
+};
+/// Empty where the model says nothing of its base.
+std::vector<BaseBody> bases(const Machine& machine, const machine::JointVector& home);
+
 /// Distance of a segment from a solid, m, 0 where they meet. The distance of a point from a box is convex along the
 /// segment: golden section, to 1e-6 of its length.
 double distance(const Vec3& from, const Vec3& to, const Solid& solid);
@@ -52,7 +63,10 @@ struct Layout {
   std::vector<Problem> problems;    ///< collisions, doors
   std::vector<Conflict> conflicts;  ///< the nearest pair of positions of each two tasks that come too near
   std::vector<Swept> swept;         ///< where links come to, at the samples
-  double least_distance = 0;        ///< m, of machine and body over all samples; infinite where nothing is near
+  /// Of each machine and each body, fence and belt beside it, but where the tool works: the least gap at the samples,
+  /// narrowest first.
+  std::vector<Gap> gaps;
+  double least_distance = 0;  ///< m, of machine and body over all samples; infinite where nothing is near
   /// m, of machine (and what it carries) and containers that stand, over all samples; infinite where nothing is near
   double least_distance_containers = 0;
   Vec3 low = Vec3::Zero(), high = Vec3::Zero();  ///< of all bodies, m
@@ -76,8 +90,9 @@ std::vector<StandingContainer> standing_containers(const Cell& cell);
 /// Two machines are judged wherever they do not hold one zone together. What a machine carries is an exact cylinder
 /// (bodies::distance) and is judged as links are. Containers are taken to stand in every slot where they ever can, but
 /// where the task just takes or puts one: slots of a place to which nothing is put are emptied in their order, those
-/// of a place from which nothing is taken are filled in their order. Fences are sheets. Not judged: a machine against
-/// itself and what it carries.
+/// of a place from which nothing is taken are filled in their order. Fences are sheets. Bases (bases()) are
+/// judged against bodies, fences, containers and other machines, but for the bodies that carry them: those of
+/// `mounted_on`, and what the foot of an arm touches. Not judged: a machine against itself and what it carries.
 Layout layout(const Cell& cell, const Motions& motions);
 
 }  // namespace polypod::cell

@@ -46,6 +46,9 @@ std::optional<double> reach_through_distance(const std::string& shape, double e)
 /// ISO 13854:2017, Table 1: gaps below which a part of the body is crushed, m.
 const std::vector<std::pair<std::string, double>>& crushing_gaps();
 
+/// The parts of the body that a gap crushes, widest first: those whose least gap is above it.
+std::vector<std::string> crushed_in(double gap);
+
 /// How long a machine needs to stand, s: as stated, or for deltas and arms their largest speed over their largest
 /// deceleration, taken as large as the acceleration.
 struct Stopping {
@@ -66,6 +69,7 @@ struct Hazard {
   std::string zone, kind, cause, measure;
   double gap = -1;                                 ///< m, below 0: none
   int severity = 0, frequency = 0, avoidance = 0;  ///< proposals for the risk graph (ISO 14121-2 style): 1 or 2
+  bool sampled = false;                            ///< the gap is the least at samples: between them it may be less
 };
 struct Safety {
   double guard_distance = 0;  ///< m, the largest distance that a guard needs after ISO 13855
@@ -92,6 +96,16 @@ struct Swept {
 /// cell.
 std::string way_in(const Cell& cell, const std::vector<Swept>& space);
 
-Safety safety(const Cell& cell, const std::vector<Swept>& space);
+/// The least gap that was found between a machine, or what it carries, and something that stands.
+struct Gap {
+  std::string machine, what, kind;  ///< "arm", "front", "fence"
+  std::string mover;                ///< "arm (empty)", "the tin in arm (empty)"
+  double distance = 0;              ///< m
+  Vec3 at = Vec3::Zero();           ///< m, in C, of what moves
+};
+
+/// `gaps`: those of less than the gap of a body (ISO 13854, 500 mm) are hazards, narrowest first. Gaps between belts of
+/// which one feeds the other are those of their boxes.
+Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vector<Gap>& gaps = {});
 
 }  // namespace polypod::cell

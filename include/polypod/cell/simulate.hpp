@@ -48,6 +48,7 @@ struct Picture {
 
 struct MachineUse {
   double busy = 0;                                      ///< s, moving or gripping
+  double stopped = 0;                                   ///< s, held by a STOP, whatever it was doing
   std::vector<std::pair<std::string, double>> waiting;  ///< for what, s; in the order of their names
   std::vector<Interval> intervals;                      ///< of a recorded run
   std::vector<Leg> legs;                                ///< of a recorded run, while pictures are taken
@@ -84,6 +85,7 @@ struct Outcome {
   std::vector<Picture> pictures;       ///< of a recorded run: kFilm seconds from the first START, or until a STOP
   std::string state;                   ///< at the end: "waiting", "working", "ending", "refill", "stopped"
   std::optional<double> stands_since;  ///< s; nothing can ever move again without help
+  std::string full;                    ///< a place that is full and from which no task takes: that is why
   std::string standstill;              ///< why, with the cycle of waiting where there is one
   std::string crowded;                 ///< a conveyor on which more than 5000 items gathered: the run ended there
   std::uint64_t calendar = 0;          ///< events of the calendar

@@ -31,10 +31,10 @@ struct Response {
 class Site {
  public:
   /// Machine files and names of the catalogue, reports (.html) that Polypod has written, programs with the job that is
-  /// given beside them, records (.csv) with the one machine that is given beside them. Errors: VW100 (no file), VW101
-  /// (a kind of file that is not shown), VW102 (a job without a program, a program without a job, two jobs), VW103 (an
-  /// .html file that is no report of Polypod), VW104 (a record without its machine, or with two), and those of the
-  /// readers.
+  /// given beside them, records (.csv) with the one machine that is given beside them, cells (their documentation with
+  /// the cell in motion; judged anew for each page, a second or two). Errors: VW100 (no file), VW101 (a kind of file
+  /// that is not shown), VW102 (a job without a program, a program without a job, two jobs), VW103 (an .html file that
+  /// is no report of Polypod), VW104 (a record without its machine, or with two), and those of the readers.
   static Result<Site> of(const std::vector<std::string>& files, const std::string& version);
 
   /// The answer to a request. `port` is the server's own: Host must be 127.0.0.1 or localhost with it, Origin (if there
@@ -48,7 +48,7 @@ class Site {
 
  private:
   struct Item {
-    enum class Kind { machine, report, program, record } kind = Kind::machine;
+    enum class Kind { machine, report, program, record, cell } kind = Kind::machine;
     std::string path, beside;  ///< the job of a program, the machine of a record
   };
   /// What each page of a browser asked for last: what it asked for before has no reader any more.
