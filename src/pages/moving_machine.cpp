@@ -122,7 +122,9 @@ std::vector<Frames> MovingMachine::sweeps(const Point3& low, const Point3& high,
       c[static_cast<std::size_t>(i)] = angle ? units::from_deg(v) : units::from_mm(v);
       const auto result = kinematics::inverse_near(machine_, kinematics::pose_of(task, c), q);
       if (result.solutions.empty()) return false;
-      q = result.solutions.front().joints;
+      // Nearest first; a limit is broken only where every solution breaks one.
+      const kinematics::Solution* within = result.reachable();
+      q = within != nullptr ? within->joints : result.solutions.front().joints;
       X = kinematics::settled(machine_, kinematics::pose_of(task, c), q);
       return true;
     };
@@ -151,12 +153,10 @@ std::vector<Frames> MovingMachine::sweeps(const Point3& low, const Point3& high,
   return out;
 }
 
-void add_poses(report::Scene& scene, std::size_t lines, const AnyMachine& machine, const Pose& start, double tilt) {
-  const kinematics::InverseResult result = kinematics::inverse(machine, start);
-  if (result.solutions.empty()) return;
-  const auto* within = result.reachable();
-  const JointVector q = within != nullptr ? within->joints : result.solutions.front().joints;
-  const MovingMachine moving(machine, kinematics::settled(machine, start, q), q);
+void add_poses(report::Scene& scene, std::size_t lines, const AnyMachine& machine, const MachineAt& start,
+               double tilt) {
+  if (start.lines.empty()) return;
+  const MovingMachine moving(machine, start.X, start.q);
   report::Scene meshes;
   meshes.meshes = scene.meshes;
   const report::Box3 box = report::box_of(meshes, false);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "polypod/machine/any_machine.hpp"
+#include "polypod/pages/machine.hpp"
 #include "polypod/report/scene.hpp"
 
 namespace polypod::pages {
@@ -26,7 +27,8 @@ class MovingMachine {
 
   /// A row a coordinate of the task through the first pose (from `low` to `high`, mm, for lengths and +-`tilt`, rad,
   /// for angles) and one a joint within its range, `count` pictures each; the other coordinates or joints stay as
-  /// they are. Poses that nothing reaches are left out, and rows of less than three pictures.
+  /// they are. Each picture shows the solution within the limits next to the picture before it, or the next solution
+  /// where none keeps them. Poses that nothing reaches are left out, and rows of less than three pictures.
   [[nodiscard]] std::vector<report::Frames> sweeps(const report::Point3& low, const report::Point3& high, double tilt,
                                                    int count) const;
 
@@ -37,10 +39,9 @@ class MovingMachine {
   std::vector<report::Line3> lines_;
 };
 
-/// Gives a scene sliders for pose and joints: its first `lines` lines are the machine, and become that at `start` (the
-/// solution within the limits, or else the first); lengths go as far as the meshes, angles to +-`tilt`, rad. Nothing
-/// changes where the machine takes no such pose.
-void add_poses(report::Scene& scene, std::size_t lines, const machine::AnyMachine& machine, const Pose& start,
+/// Gives a scene sliders for pose and joints: its first `lines` lines are the machine at `start`; lengths go as far as
+/// the meshes, angles to +-`tilt`, rad. Nothing changes where the machine takes no such pose.
+void add_poses(report::Scene& scene, std::size_t lines, const machine::AnyMachine& machine, const MachineAt& start,
                double tilt);
 
 }  // namespace polypod::pages

@@ -11,6 +11,8 @@
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
+#include "polypod/pages/machine.hpp"
 #include "polypod/pages/quality.hpp"
 #include "polypod/quality/singularity.hpp"
 #include "polypod/quality/survey_surface.hpp"
@@ -644,13 +646,18 @@ class Page {
     scene.lines = singular_points();
     report_.add_section("In space");
     report::Scene turns = scene;
-    const std::vector<report::Line3> machine = machine_lines(machine_, middle_);
+    const std::vector<report::Line3> machine = machine_at(machine_, start_pose(machine_)).lines;
     turns.lines.insert(turns.lines.begin(), machine.begin(), machine.end());
-    report_.add_scene(scene, "The boundary of the workspace, coloured by the error of the tip.", &turns);
     report::Scene with_machine = scene;
     with_machine.title = "The same with the machine";
-    with_machine.lines = machine_lines(machine_, middle_);
+    with_machine.lines = machine;
     with_machine.max_aspect = 0.95;
+    if (kinematics::hangs_down(machine_))
+      for (report::Scene* each : {&scene, &turns, &with_machine}) hang(*each);
+    report_.add_scene(scene,
+                      std::string("The boundary of the workspace, coloured by the error of the tip.") +
+                          (kinematics::hangs_down(machine_) ? " The base is above: z of the machine points down." : ""),
+                      &turns);
     std::vector<std::pair<std::string, report::Figure>> panels{{"with the machine", with_machine}};
     POLYPOD_TRY(add_region(fine, border, hull, panels));
     report_.add_figure_grid(2, panels, "");
@@ -679,6 +686,7 @@ class Page {
     whole.kind.assign(whole.points.size(), -1);
     whole.opacity = 0.14;
     scene.meshes.push_back(std::move(whole));
+    if (kinematics::hangs_down(machine_)) hang(scene);
     panels.emplace_back(fmt::format("{}: {} % of the workspace, which is pale", what,
                                     fixed(100.0 * static_cast<double>(count) / static_cast<double>(values.size()), 1)),
                         scene);

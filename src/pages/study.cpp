@@ -12,6 +12,7 @@
 #include "polypod/design/optimize.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/pages/machine.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/parallel.hpp"
 #include "polypod/report/scene.hpp"
@@ -479,7 +480,8 @@ class Page {
     } else if (surface.error().id == "WS110") {
       return tl::unexpected(surface.error());
     }
-    scene.lines = machine_lines(m, kinematics::middle_of_work(m));
+    scene.lines = machine_at(m, start_pose(m)).lines;
+    if (kinematics::hangs_down(m)) hang(scene);
     return report::Figure(scene);
   }
 
@@ -498,9 +500,11 @@ class Page {
     if (!machine) return {};
     POLYPOD_ASSIGN(before, picture(study_.start, "The start and its workspace"));
     POLYPOD_ASSIGN(now, picture(*machine, "The best machine and its workspace"));
-    report_.add_figure_grid(2, {{"start", before}, {"best", now}},
-                            "The machine at home and the boundary of the workspace, each at its own scale. A workspace "
-                            "that the grid of the picture does not meet is not drawn.");
+    report_.add_figure_grid(
+        2, {{"start", before}, {"best", now}},
+        std::string("The machine and the boundary of the workspace, each at its own scale. A "
+                    "workspace that the grid of the picture does not meet is not drawn.") +
+            (kinematics::hangs_down(*machine) ? " The base is above: z of the machine points down." : ""));
     report_.add_code("The best machine as a file", machine::to_toml(*machine));
     return {};
   }

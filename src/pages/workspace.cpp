@@ -16,6 +16,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
+#include "polypod/pages/machine.hpp"
 #include "polypod/report/csv.hpp"
 #include "polypod/report/html.hpp"
 #include "polypod/report/scene.hpp"
@@ -90,16 +91,17 @@ Vec3 centroid(const Surface& s) {
   return six != 0 ? Vec3(sum / six) : Vec3::Zero();
 }
 
-report::Scene scene_of(const AnyMachine& machine, const Surface& s, const Kinds& kinds, const Vec3& tip) {
+report::Scene scene_of(const Surface& s, const Kinds& kinds, const MachineAt& start) {
   report::Scene scene;
-  scene.title = "The workspace and the machine at home, in space";
+  scene.title = start.lines.empty() ? "The workspace, in space" : "The workspace and the machine, in space";
   report::Mesh mesh;
   for (const Vec3& p : s.points) mesh.points.push_back({to_mm(p.x()), to_mm(p.y()), to_mm(p.z())});
   mesh.triangles = s.triangles;
   for (const int limit : s.limit) mesh.kind.push_back(kinds.of(limit));
+  mesh.opacity = 0.55;  // an arm stands within its workspace
   scene.meshes.push_back(std::move(mesh));
   scene.kinds = kinds.names();
-  scene.lines = machine_lines(machine, tip);
+  scene.lines = start.lines;
   return scene;
 }
 
@@ -252,20 +254,22 @@ class Page {
 
   void pictures() {
     report_.add_section("In space");
-    report::Scene scene = scene_of(machine_, surface_, kinds_, middle_);
+    const MachineAt start = machine_at(machine_, start_pose(machine_));
+    report::Scene scene = scene_of(surface_, kinds_, start);
     report::Scene turns = scene;
-    const Pose start = kinematics::home_pose(machine_).value_or(Pose{Mat3::Identity(), middle_});
     const double tilt = std::clamp(1.2 * largest_, units::from_deg(10), units::from_deg(60));
     add_poses(turns, turns.lines.size(), machine_, start, tilt);
     if (kinematics::hangs_down(machine_)) {
       hang(scene);
       hang(turns);
     }
+    const std::string machine = start.lines.empty()
+                                    ? ". The machine is not drawn: it takes no pose at the start: " + start.reason + "."
+                                    : ", and the machine.";
     report_.add_scene(
         scene,
-        "The boundary of the workspace, coloured by the limit that makes it, and the machine. The box of axes is in "
-        "the "
-        "machine's reference frame." +
+        "The boundary of the workspace, coloured by the limit that makes it" + machine +
+            " The box of axes is in the machine's reference frame." +
             std::string(kinematics::hangs_down(machine_)
                             ? " The base is above: z of the machine points down, here and in the sections."
                             : ""),

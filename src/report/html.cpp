@@ -104,6 +104,11 @@ footer pre{white-space:pre-wrap}
 #live label.wide input[type=range]{width:100%;min-width:0;accent-color:var(--blue)}
 #live input[type=number]{font:inherit;width:100%;padding:3px 6px;border:1px solid var(--rule);border-radius:5px;background:var(--ground);color:var(--ink);text-align:right;font-variant-numeric:tabular-nums}
 #live button{justify-self:start;font:inherit;min-height:30px;padding:2px 12px;border:1px solid var(--rule);border-radius:6px;background:var(--ground);color:var(--ink);cursor:pointer}
+@media screen{
+/* A picture that turns has a layer of its own, and figures out of sight are not painted with each of its frames. */
+.live .stage{contain:strict;isolation:isolate;will-change:transform}
+figure:not(.scene){content-visibility:auto;contain-intrinsic-height:auto 600px}
+}
 @media print{.live>.wide{display:block!important} .live .stage,.live .controls,.still,footer.licences{display:none!important}}
 @media (max-width:640px){.live .stage{height:min(68vh,420px)} .slides{grid-template-columns:1fr} .slide{grid-template-columns:6.5em 1fr 5.8em} .bar button{padding:2px 6px}}
 )";

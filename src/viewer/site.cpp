@@ -36,10 +36,13 @@ using Json = nlohmann::ordered_json;
 using machine::AnyMachine;
 using machine::JointVector;
 
+std::string in_small_letters(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
+  return text;
+}
+
 std::string ending_of(const std::string& path) {
-  std::string end = std::filesystem::path(path).extension().string();
-  std::transform(end.begin(), end.end(), end.begin(), [](unsigned char c) { return std::tolower(c); });
-  return end;
+  return in_small_letters(std::filesystem::path(path).extension().string());
 }
 
 std::string name_of(const std::string& path) {
@@ -99,8 +102,11 @@ Result<std::vector<double>> numbers_in(const Json& question, const char* key, in
   for (int i = 0; right && i < count; ++i) {
     const Json& value = (*at)[static_cast<std::size_t>(i)];
     constexpr double kMost = 1e9;
-    if (!value.is_number() || !(std::abs(value.get<double>()) <= kMost)) break;
-    out.push_back(value.get<double>());
+    if (!value.is_number()) break;
+    const double v = value.get<double>();
+    if (!(std::abs(v) <= kMost))
+      return fail("VW120", fmt::format("{}: its number {} is {:g}, beyond -{:g} to {:g}", key, i + 1, v, kMost, kMost));
+    out.push_back(v);
   }
   if (out.size() != static_cast<std::size_t>(count))
     return fail("VW120", fmt::format("{}: not a list of {} numbers", key, count));
@@ -315,8 +321,11 @@ std::string Site::live_data(const AnyMachine& m, std::size_t item) const {
   const auto add = [&](const machine::Parameter& p, bool single) {
     const std::string key = machine::key_of(p);
     if (!keys.insert(key).second) return;
-    settings.push_back(
-        {{"key", key}, {"value", units::to_user(p.value, p.unit)}, {"unit", p.unit}, {"single", single}});
+    settings.push_back({{"key", key},
+                        {"name", p.key},
+                        {"value", units::to_user(p.value, p.unit)},
+                        {"unit", p.unit},
+                        {"single", single}});
   };
   for (const machine::Parameter& p : machine::settings(m)) add(p, false);
   for (const machine::Parameter& p : kinematics::parameters(m)) add(p, true);
@@ -417,9 +426,15 @@ Result<std::string> Site::ask(const Item& item, const std::string& what, const s
 Response Site::answer(const Request& request, int port) const {
   // A page from elsewhere that this computer's browser shows may not ask, by whatever name it reaches 127.0.0.1.
   bool known = false, same = request.origin.empty();
+  // Names of hosts have no case, and browsers leave the port of http out.
+  const std::string host = in_small_letters(request.host), origin = in_small_letters(request.origin);
+  constexpr int kHttp = 80;
   for (const char* name : {"127.0.0.1", "localhost"}) {
-    known = known || request.host == fmt::format("{}:{}", name, port);
-    same = same || request.origin == fmt::format("http://{}:{}", name, port);
+    for (const std::string& mine : {fmt::format("{}:{}", name, port), std::string(port == kHttp ? name : "")}) {
+      if (mine.empty()) continue;
+      known = known || host == mine;
+      same = same || origin == "http://" + mine;
+    }
   }
   if (!known || !same) return refused(403, "Only pages of this server may ask it.");
   const bool reads = request.method == "GET" || request.method == "HEAD";

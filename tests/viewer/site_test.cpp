@@ -40,7 +40,15 @@ Request post(const std::string& path, const json& body) {
 TEST(Site, OnlyItsOwnPagesMayAsk) {
   const Site site = site_of({"hexapod-strut"});
   EXPECT_EQ(site.answer(get("/"), kPort).status, 200);
-  EXPECT_EQ(site.answer(get("/", "localhost:4711", "http://127.0.0.1:4711"), kPort).status, 200);
+  for (const char* host : {"localhost:4711", "LocalHost:4711", "127.0.0.1:4711"}) {
+    EXPECT_EQ(site.answer(get("/", host, "http://127.0.0.1:4711"), kPort).status, 200) << host;
+    EXPECT_EQ(site.answer(get("/", host, "http://localhost:4711"), kPort).status, 200) << host;
+    EXPECT_EQ(site.answer(get("/", host), kPort + 1).status, 403) << host;
+  }
+  // Browsers leave the port of http out.
+  EXPECT_EQ(site.answer(get("/", "localhost", "http://localhost"), 80).status, 200);
+  EXPECT_EQ(site.answer(get("/", "localhost:80"), 80).status, 200);
+  EXPECT_EQ(site.answer(get("/", "evil.example"), 80).status, 403);
   for (const char* host :
        {"", "127.0.0.1", "127.0.0.1:4712", "evil.example:4711", "127.0.0.1:4711.evil.example", "[::1]:4711"}) {
     EXPECT_EQ(site.answer(get("/", host), kPort).status, 403) << host;
@@ -178,6 +186,12 @@ TEST(Site, FormsBeginWithinTheLimits) {
     for (const json& s : live["settings"]) keys.insert(s["key"].get<std::string>());
     for (const machine::Parameter& p : kinematics::parameters(m)) EXPECT_TRUE(keys.contains(machine::key_of(p)));
   }
+}
+
+TEST(Site, NumbersBeyondAllMeasureAreNamed) {
+  const Site site = site_of({"hexapod-strut"});
+  const json there = json::parse(site.answer(post("/0/pose", {{"pose", {0, 1e308, 75, 0, 0, 0}}}), kPort).body);
+  EXPECT_THAT(there.value("error", ""), HasSubstr("pose: its number 2 is 1e+308, beyond -1e+09 to 1e+09")) << there;
 }
 
 TEST(Site, JointsThatGiveNoPoseAreNamed) {

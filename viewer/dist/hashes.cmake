@@ -1,3 +1,3 @@
 set(page_sha256 DKz2hByMUH2BeIxZSMl2dhydjxKO/RgsOlWMFrKBgiw=)
-set(live_sha256 9T4pa2KoTrqOTe6yr03ThAWLpGUByy5D3PdP3/365W0=)
+set(live_sha256 GPqygFZlffx01PPg0zPjcsTSjg6Rm1R7mgacmqOb54g=)
 set(viewer_sha256 iQemv0FKRsMDS38nNvzN71y0NhJtdxDBe9AFH9ho58o=)

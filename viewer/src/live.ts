@@ -3,6 +3,7 @@
 
 interface Setting {
   key: string;
+  name: string; // the key without its unit, as the page lists it
   value: number;
   unit: string;
   single: boolean; // a parameter of one part alone
@@ -47,7 +48,20 @@ function make<K extends keyof HTMLElementTagNameMap>(name: K, content = ''): HTM
 }
 
 function start(root: HTMLElement, data: LiveData): void {
+  const kDigits = 9; // of a figure in a field
   const sets: Record<string, string> = {};
+  // The same figures stand in a list of the page, as the file has them.
+  const inFile = new Map<string, { shown: Element; text: string }>();
+  for (const name of document.querySelectorAll('main dt')) {
+    const shown = name.nextElementSibling, key = name.textContent ?? '';
+    if (shown && data.settings.some((s) => s.name === key)) inFile.set(key, { shown, text: shown.textContent ?? '' });
+  }
+  const listed = (): void => {
+    for (const s of data.settings) {
+      const now = inFile.get(s.name), set = sets[s.key];
+      if (now) now.shown.textContent = set === undefined ? now.text : `${Number(Number(set).toPrecision(6))} ${s.unit} (${now.text} in the file)`;
+    }
+  };
   const picture = (): Picture | undefined => (window as unknown as { polypodScenes?: Picture[] }).polypodScenes?.[0];
   const told = make('p');
   told.setAttribute('role', 'status');
@@ -70,7 +84,7 @@ function start(root: HTMLElement, data: LiveData): void {
     input.setAttribute('aria-label', `${name}, ${unit}`);
     const range = make('input');
     const put = (v: number): void => {
-      input.value = String(Number(v.toPrecision(9)));
+      input.value = String(Number(v.toPrecision(kDigits)));
       range.value = String(v);
     };
     label.append(make('span', name));
@@ -125,11 +139,12 @@ function start(root: HTMLElement, data: LiveData): void {
     }
     for (const s of settings) {
       field(s.key, s.unit, s.value, null, null, false, (v) => {
-        sets[s.key] = String(v);
+        if (v === Number(s.value.toPrecision(kDigits))) delete sets[s.key];
+        else sets[s.key] = String(v);
         const changes = Object.entries(sets).map(([key, value]) => ` --set '${key}=${value}'`).join('');
         const file = /^[\w./-]+$/.test(data.file) ? data.file : `'${data.file.replace(/'/g, `'\\''`)}'`;
         kept.textContent = `polypod info ${file}${changes} -o changed.toml`;
-        keep.hidden = false;
+        keep.hidden = changes === '';
         ask({ pose });
         later();
       });
@@ -169,8 +184,10 @@ function start(root: HTMLElement, data: LiveData): void {
     if (answer.error !== undefined) {
       told.textContent = answer.error;
       told.className = 'note';
+      figures.replaceChildren(); // they are of the machine before
       return;
     }
+    listed();
     const broken = answer.reason ? [answer.reason] : (answer.violations ?? []);
     told.textContent = broken.length === 0 ? 'Within all limits.' : `Not within the limits: ${broken.join(', ')}.`;
     told.className = broken.length === 0 ? '' : 'note';

@@ -143,12 +143,18 @@ async function look(name, file, hasScene) {
   } else {
     check(name, (await page.locator('canvas').count()) === 0, 'it has a canvas that nobody expects');
   }
+  if (hasScene) {
+    // The picture that turns has a layer of its own, and figures far out of sight are not painted with it.
+    check(name, (await page.locator('figure.scene.live .stage').first().evaluate((e) => `${getComputedStyle(e).contain} ${getComputedStyle(e).willChange}`)) === 'strict transform', 'a frame of its scene paints the page');
+    check(name, await page.evaluate(() => [...document.querySelectorAll('figure:not(.scene)')].every((f) => getComputedStyle(f).contentVisibility === 'auto')), 'figures out of sight are painted');
+  }
   await judge(`${name}, axe`, page);
   await page.emulateMedia({ colorScheme: 'dark' });
   await settle(page);
   await judge(`${name}, axe, dark`, page);
   await page.emulateMedia({ media: 'print', colorScheme: 'light' });
   check(name, await page.locator('svg.pp').first().isVisible(), 'on paper it has no picture');
+  check(name, await page.evaluate(() => [...document.querySelectorAll('figure')].every((f) => getComputedStyle(f).contentVisibility === 'visible')), 'on paper a figure may be missing');
   if (hasScene) {
     check(name, !(await page.locator('canvas[data-scene]').first().isVisible()), 'on paper the canvas shows');
     check(name, await page.locator('figure.scene .wide svg').first().isVisible(), 'on paper the drawn scene is missing');
@@ -380,6 +386,21 @@ async function theServer() {
   await page.getByLabel('base.radius_mm, mm', { exact: true }).fill('55');
   const command = "polypod info hexapod-strut --set 'base.radius_mm=55' -o changed.toml";
   check(name, (await page.locator('#live code').innerText()) === command, 'it does not say how the machine is kept');
+  // A figure as the file has it is no change; the list below shows what is changed; a wrong figure leaves nothing of the machine before.
+  const listed = page.locator('main dl div', { has: page.locator('dt', { hasText: /^base\.radius$/ }) }).locator('dd');
+  const radius = page.getByLabel('base.radius_mm, mm', { exact: true });
+  await page.waitForFunction(() => document.querySelector('main').textContent.includes('in the file'), null, { timeout: 5000 }).catch(() => {});
+  check(name, (await listed.innerText()) === '55 mm (50 mm in the file)', `the list of figures says ${await listed.innerText()}`);
+  await radius.fill('50');
+  check(name, !(await page.locator('#live code').isVisible()), `what equals the file is kept: ${await page.locator('#live code').innerText()}`);
+  await page.waitForFunction(() => !document.querySelector('main').textContent.includes('in the file'), null, { timeout: 5000 }).catch(() => {});
+  check(name, (await listed.innerText()) === '50 mm', `as in the file the list of figures says ${await listed.innerText()}`);
+  await settled();
+  await radius.fill('-1');
+  await page.locator('#live p.note').waitFor();
+  check(name, (await page.locator('#live dl').innerText()).trim() === '', `beside an error stands ${await page.locator('#live dl').innerText()}`);
+  await radius.fill('55');
+  await settled();
   await page.getByText('Compute the workspace').click();
   await page.getByText('Cancel', { exact: true }).click();
   await page.waitForFunction(() => document.querySelector('#live')?.textContent.includes('Cancelled.'), null, { timeout: 5000 });

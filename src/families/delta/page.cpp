@@ -208,7 +208,7 @@ Result<std::string> page_of(const M& m, const AnyMachine& machine, const workspa
   if (!border.points.empty()) scene.lines.push_back(std::move(border));
   if (!near.points.empty()) scene.lines.push_back(std::move(near));
   report::Scene turns = scene;
-  add_poses(turns, outline, machine, Pose{Mat3::Identity(), m.home}, 0);
+  add_poses(turns, outline, machine, machine_at(machine, Pose{Mat3::Identity(), m.home}), 0);
   hang(scene);
   hang(turns);
   page.add_scene(scene,
