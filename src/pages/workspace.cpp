@@ -192,21 +192,48 @@ class Page {
     };
   }
 
+  /// Whether the tool stands at zero tilt alone.
+  [[nodiscard]] bool upright_only() const { return !options_.directions.is_ranges() && options_.directions.tilt == 0; }
+
   Status measure() {
+    const auto progress = stage("surface");
+    progress(0);
+    // The boxes are found once: of a machine whose inverse is a search each takes as long as its volume.
+    POLYPOD_ASSIGN(all, workspace::extent(machine_, options_, false));
+    Options upright = options_;
+    upright.directions = {};
+    upright_box_ = all;
+    if (!upright_only()) {
+      POLYPOD_ASSIGN(of_upright, workspace::extent(machine_, upright, false));
+      upright_box_ = of_upright;
+    }
+    workspace::Extent box = all.empty() ? upright_box_ : all;
+    if (!upright_box_.empty()) {
+      box.low = box.low.cwiseMin(upright_box_.low);
+      box.high = box.high.cwiseMax(upright_box_.high);
+    }
     workspace::SurfaceOptions surface_options;
     constexpr int kInSpace = 34;  // finer triangles than these a picture does not show
-    surface_options.resolution = std::min(page_.resolution, kInSpace);
-    surface_options.progress = stage("surface");
-    POLYPOD_ASSIGN(found, workspace::surface(machine_, options_, surface_options));
+    workspace::FieldOptions field_options;
+    field_options.tilt = false;
+    constexpr double kOfField = 0.6;
+    field_options.progress = [&](double share) { progress(kOfField * share); };
+    surface_options.progress = [&](double share) { progress(kOfField + (1 - kOfField) * share); };
+    if (all.empty()) {
+      return fail("WS131", "no point is reachable from all required directions: there is no surface", {},
+                  "ask for less tilt");
+    }
+    POLYPOD_ASSIGN(grid, workspace::grid_over(all.low, all.high, std::min(page_.resolution, kInSpace)));
+    POLYPOD_ASSIGN(values, workspace::field(machine_, options_, grid, field_options));
+    POLYPOD_ASSIGN(found, workspace::surface_of(machine_, options_, values, surface_options));
     surface_ = std::move(found);
     middle_ = centroid(surface_);
-    workspace::FieldOptions field_options;
     field_options.tilt = tilts();
     field_options.progress = stage("sections");
     std::set<int> seen(surface_.limit.begin(), surface_.limit.end());
     for (const int axis : {2, 1, 0}) {
       POLYPOD_ASSIGN(
-          s, workspace::section(machine_, options_, {middle_, Vec3::Unit(axis)}, page_.resolution, field_options));
+          s, workspace::section(machine_, options_, {middle_, Vec3::Unit(axis)}, box, page_.resolution, field_options));
       collect(seen, s);
       largest_ = std::max(largest_, largest_tilt(s));
       sections_.push_back(std::move(s));
@@ -307,11 +334,14 @@ class Page {
 
   [[nodiscard]] bool tilts() const { return workspace::tilts(kinematics::task(machine_)); }
 
-  /// A proven volume with few boxes.
+  /// A proven volume with few boxes, or one of a sample where no bounds are known. Of a cone of directions a box takes
+  /// many times as long as of one.
   [[nodiscard]] Result<Volume> quick(Options options) const {
-    options.relative_tolerance = std::max(options.relative_tolerance, 0.02);
-    constexpr std::int64_t kCells = 30'000;
-    options.max_cells = kCells;
+    const bool cone = options.directions.is_ranges() || options.directions.tilt > 0;
+    const double enough = volume_.proven && !cone ? 0.02 : 0.05;
+    options.relative_tolerance = std::max(options.relative_tolerance, enough);
+    constexpr std::int64_t kCells = 30'000, kCellsOfCone = 8'000;
+    options.max_cells = cone ? kCellsOfCone : kCells;
     options.bounds_tolerance = 0;
     return workspace::volume(machine_, options);
   }
@@ -326,7 +356,11 @@ class Page {
                                       const std::function<void(double)>& progress) const {
     Options upright = options;
     upright.directions = {};
-    POLYPOD_ASSIGN(box, workspace::extent(machine_, tilt ? upright : options, false));
+    workspace::Extent box = upright_box_;
+    if (!tilt || box.empty()) {
+      POLYPOD_ASSIGN(found, workspace::extent(machine_, tilt ? upright : options, false));
+      box = found;
+    }
     if (box.empty()) return Field{};
     constexpr int kCoarse = 26;
     POLYPOD_ASSIGN(grid, workspace::grid_over(box.low, box.high, kCoarse));
@@ -334,6 +368,15 @@ class Page {
     field_options.tilt = tilt;
     field_options.progress = progress;
     return workspace::field(machine_, tilt ? upright : options, grid, field_options);
+  }
+  /// The volume of the cells of that grid whose points are reached.
+  [[nodiscard]] Result<Volume> counted(const Options& options) const {
+    POLYPOD_ASSIGN(with, sampled(options, false, {}));
+    const auto count = std::count_if(with.margin.begin(), with.margin.end(), [](double m) { return m >= 0; });
+    Volume out;
+    out.proven = false;
+    out.volume = static_cast<double>(count) * cell_of(with);
+    return out;
   }
   static double cell_of(const Field& f) {
     return f.grid.step[0].norm() * f.grid.step[1].norm() * f.grid.step[2].norm();
@@ -428,6 +471,7 @@ class Page {
       if (shares[k] > 0) order.push_back(k);
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return shares[a] > shares[b]; });
     std::size_t done = 0;
+    progress(0);
     for (const std::size_t k : order) {
       LimitBits bits = 0;
       for (int i = 0; i < 64; ++i) {
@@ -438,19 +482,21 @@ class Page {
       if (bits != 0) {
         Options without = options_;
         without.limits &= ~bits;
-        if (proves(options_.directions)) {
-          POLYPOD_ASSIGN(v, quick(without));
-          row.emplace_back(unit_.range(v));
+        const bool proven = proves(options_.directions);
+        Result<Volume> v = proven || !workspace::has_bounds(machine_) ? quick(without) : counted(without);
+        if (!v && v.error().id != "WS108") return tl::unexpected(v.error());
+        if (!v) {  // nothing else ends the machine
+          row.emplace_back("without end");
+          row.emplace_back("–");
+        } else if (proven) {
+          row.emplace_back(unit_.range(*v));
           // Both volumes are enclosed, so the gain is too.
-          const double low = 100 * (v.lower / std::max(volume_.upper, 1e-30) - 1);
-          const double high = 100 * (v.upper / std::max(volume_.lower, 1e-30) - 1);
+          const double low = 100 * (v->lower / std::max(volume_.upper, 1e-30) - 1);
+          const double high = 100 * (v->upper / std::max(volume_.lower, 1e-30) - 1);
           row.emplace_back(fmt::format("{}\u00a0…\u00a0{}", fixed(std::max(0.0, low), 1), fixed(high, 1)));
         } else {
-          POLYPOD_ASSIGN(with, sampled(without, false, {}));
-          const auto count = std::count_if(with.margin.begin(), with.margin.end(), [](double m) { return m >= 0; });
-          const double reached = static_cast<double>(count) * cell_of(with);
-          row.emplace_back("about " + unit_.text(reached));
-          row.emplace_back("about " + fixed(std::max(0.0, 100 * (reached / volume_.volume - 1)), 0));
+          row.emplace_back("about " + unit_.text(v->volume));
+          row.emplace_back("about " + fixed(std::max(0.0, 100 * (v->volume / volume_.volume - 1)), 0));
         }
       } else {
         row.emplace_back("–");
@@ -465,7 +511,7 @@ class Page {
         fmt::format("{} Limits that make the machine's reach, such as the lengths of its legs, have none.",
                     proves(options_.directions)
                         ? "The volume without a limit is proven, with few boxes: the gain lies between the two numbers."
-                        : "The volume without a limit is sampled on a coarse grid, good to some per cent."));
+                        : "The volume without a limit is sampled coarsely, good to some per cent."));
     return {};
   }
 
@@ -499,6 +545,7 @@ class Page {
   Report report_;
   Surface surface_;
   Vec3 middle_ = Vec3::Zero();
+  workspace::Extent upright_box_;  ///< of what is reached with R = 1; empty before it is found
   std::vector<Section> sections_;
   double largest_ = -1;
   VolumeUnit unit_{volume_.volume};

@@ -353,7 +353,7 @@ std::vector<Loop> border_of(const Field& f, const PointJudge& judge) {
 
 Result<Section> section(const AnyMachine& machine, const Options& options, const Plane& plane, int resolution,
                         const FieldOptions& field_options) {
-  POLYPOD_ASSIGN(judge, judge_of(machine, options, field_options));
+  POLYPOD_TRY(judge_of(machine, options, field_options));
   const machine::Task task = kinematics::task(machine);
   if (!task.places()) {
     Eigen::Index along = 0;
@@ -363,6 +363,13 @@ Result<Section> section(const AnyMachine& machine, const Options& options, const
     POLYPOD_TRY(near_home(machine, at, at));
   }
   POLYPOD_ASSIGN(box, extent(machine, options, true));
+  return section(machine, options, plane, box, resolution, field_options);
+}
+
+Result<Section> section(const AnyMachine& machine, const Options& options, const Plane& plane, const Extent& box,
+                        int resolution, const FieldOptions& field_options) {
+  POLYPOD_ASSIGN(judge, judge_of(machine, options, field_options));
+  const machine::Task task = kinematics::task(machine);
   if (box.empty()) {
     return fail("WS131", "nothing is reachable with R = 1, nor from all required directions: there is nothing to show");
   }

@@ -76,5 +76,9 @@ TEST(WorkspacePage, SlidersOfArmsKeepTheLimitsWhereASolutionDoes) {
   }
 }
 
+TEST(WorkspacePage, ALimitThatAloneEndsTheMachineIsSaidToBeWithoutEnd) {
+  EXPECT_THAT(page_of(*machine::load("delta-linear")), HasSubstr("<td>without end</td>"));
+}
+
 }  // namespace
 }  // namespace polypod::pages

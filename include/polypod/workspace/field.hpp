@@ -135,5 +135,9 @@ struct Section {
 /// WS131 (nothing is reachable with R = 1 nor from the required directions). Cost: 0.1 ms a point.
 Result<Section> section(const AnyMachine& machine, const Options& options, const Plane& plane, int resolution,
                         const FieldOptions& field_options = {});
+/// The same where `box` = extent(machine, options, true) is known, which takes most of the time of a machine whose
+/// volume takes long.
+Result<Section> section(const AnyMachine& machine, const Options& options, const Plane& plane, const Extent& box,
+                        int resolution, const FieldOptions& field_options = {});
 
 }  // namespace polypod::workspace
