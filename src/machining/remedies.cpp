@@ -85,6 +85,8 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
     if (c) tried += static_cast<std::size_t>(c->rounds + 1) * cost_of(job, *c);
     return c && c->within_tolerance;
   };
+  // A yes that leaves something out is advised as one.
+  const auto but_for = [](const Correction& c) { return c.all_judged() ? "" : ", apart from what is then not judged"; };
   const bool fixed = result.other_switch && result.other_switch->fixed;
   Job wider = job;
   // The smallest of these that does: how far the failed try was off says little of what would do.
@@ -96,13 +98,14 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
   for (double um = asked; judged && um < most && tried < kMostTried;) {
     um = std::ceil(um * 1.25);
     wider.tolerance = units::from_um(um);
-    if (!holds(Corrector(wider, program, accepted, quiet).run())) continue;
+    const Result<Correction> in_wider = Corrector(wider, program, accepted, quiet).run();
+    if (!holds(in_wider)) continue;
     if (fixed) {
       const Result<std::optional<OtherSwitch>> other = other_unrolled(wider, quiet);
       if (!other || !(*other)->within_tolerance) continue;
     }
-    out.push_back(fmt::format("a tube of {:g} um: --tolerance {:g}", units::to_um(wider.tolerance),
-                              units::to_um(wider.tolerance)));
+    out.push_back(fmt::format("a tube of {:g} um: --tolerance {:g}{}", units::to_um(wider.tolerance),
+                              units::to_um(wider.tolerance), but_for(*in_wider)));
     break;
   }
   std::unordered_map<int, bool> within;  // by line: of its first move
@@ -147,13 +150,14 @@ std::vector<std::string> remedies_for(const Job& job, const gcode::Program& prog
       }
       Corrector corrector(job, program, accepted, quiet);
       corrector.scale_feeds(slower.moves, factor);
-      if (!holds(corrector.run())) continue;
+      const Result<Correction> with = corrector.run();
+      if (!holds(with)) continue;
       double feed = 0;
       for (std::size_t i = 0; i < which.size(); ++i) {
         if (slower.moves[i]) feed = std::max(feed, result.programmed[i].feed);
       }
-      out.push_back(fmt::format("a smaller feed in {}: {:.0f} % of it, {:.4g} mm/min where it is largest", slower.where,
-                                100 * factor, units::to_mm_per_min(feed * factor)));
+      out.push_back(fmt::format("a smaller feed in {}: {:.0f} % of it, {:.4g} mm/min where it is largest{}",
+                                slower.where, 100 * factor, units::to_mm_per_min(feed * factor), but_for(*with)));
       return out;
     }
   }

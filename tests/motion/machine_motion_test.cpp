@@ -964,8 +964,8 @@ segments = [
   EXPECT_EQ(id("line.toml", "start_mm = [0,0,70]\nsegments = [{to_mm=[5,0,70], via_mm=[2,0,70]}]\n"), "MO102");
   // A path of angles alone needs no place; one that goes to a place needs where it begins.
   EXPECT_EQ(id("turns.toml", "start_deg = [0,0,0]\nsegments = [{to_deg=[5,0,0], time_s=1}]\n"), "read");
-  EXPECT_EQ(id("from.toml", "start_deg = [0,0,0]\nsegments = [{to_mm=[5,0,0], time_s=1}]\n"), "CF101");
-  EXPECT_EQ(id("none.toml", "segments = [{to_deg=[5,0,0], time_s=1}]\n"), "CF101");
+  EXPECT_EQ(id("from.toml", "start_deg = [0,0,0]\nsegments = [{to_mm=[5,0,0], time_s=1}]\n"), "CF106");
+  EXPECT_EQ(id("none.toml", "segments = [{to_deg=[5,0,0], time_s=1}]\n"), "CF106");
   EXPECT_EQ(id("key.toml", "start_mm = [0,0,70]\nsegments = [{to_mm=[5,0,70], tme_s=1}]\n"), "CF103");
 }
 
