@@ -18,8 +18,7 @@ constexpr double kCompliances[] = {2e-7, 3.5e-7, 4e-7, 1.2e-6, 1.5e-6, 2.5e-6}; 
 
 Job robot() {
   Job job;
-  const machine::AnyMachine arm =
-      testing::unwrap(machine::load("kuka-kr210", {{"tool.z_mm", "250"}}));
+  const machine::AnyMachine arm = testing::unwrap(machine::load("kuka-kr210", {{"tool.z_mm", "250"}}));
   job.machine = testing::unwrap(statics::with_compliances(arm, {std::begin(kCompliances), std::end(kCompliances)}));
   job.X_MW = Pose{Mat3::Identity(), Vec3(1.7, 0.2, 0.6)};
   return job;
