@@ -102,6 +102,13 @@ void add_tool(Json& document, const machining::Job& job) {
   if (job.tool_frame.tilted) document["tool_axes_deg"] = vector_json(job.tool_frame.axes * units::to_deg(1));
 }
 
+/// By name; empty where there is none to name.
+std::string posture_of_first_cut(const machining::Job& job, const machining::Prediction& p,
+                                 const LongVector<gcode::Move>& programmed) {
+  if (p.moves.empty()) return {};
+  return machining::posture_at_start(job, programmed[static_cast<std::size_t>(p.moves.front().move)]);
+}
+
 /// The box of the stock in W, m.
 Eigen::AlignedBox3d stock_box(const machining::Job& job) {
   return job.tool_frame.tilted ? job.tool_frame.stock_in_W : Eigen::AlignedBox3d(job.stock.min(), job.stock.max());
@@ -188,10 +195,7 @@ Command predict_command() {
               "the program was corrected: distances are from its own commands, which lie beside the path of the "
               "part on purpose; what `polypod correct` said of that path stands in its report");
         }
-        const std::string posture =
-            p.moves.empty() ? ""
-                            : machining::posture_at_start(
-                                  in.job, in.interpretation.moves[static_cast<std::size_t>(p.moves.front().move)]);
+        const std::string posture = posture_of_first_cut(in.job, p, in.interpretation.moves);
         const bool spread = !in.job.material.spread.empty();
         const bool trust = trusted(in.job), within = o->vibration.within(in.job, p) && trust;
         Status collision = machining::no_rapid_cuts(in.job, in.program, p.pass);
@@ -544,6 +548,8 @@ Command correct_command() {
           add_map(document, in.job, map);
           add_uncertainty(document, uncertainty);
           add_tool(document, in.job);
+          if (const std::string posture = posture_of_first_cut(in.job, c.before, c.programmed); !posture.empty())
+            document["branch"] = posture;
           if (confidence) document["confidence"] = confidence_json(*confidence);
           print_json(document, {{"outside", c.moves.size(), outside_row}, {"moves", c.moves.size(), move_row}});
         } else {
