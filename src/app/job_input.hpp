@@ -31,7 +31,7 @@ inline constexpr const char* kBranchHelp =
     "else the first within the limits)";
 
 /// The posture of `--branch`, if it is given, in the place of the job's. Error: AP123, the first pose of the program
-/// has no solution within the limits in the posture that the option or the job asks for, and has others.
+/// has no solution within the limits in that posture; for the job's own only where it has others.
 Status begin_in(const std::string& branch, const gcode::Interpretation& interpretation, machining::Job& job);
 
 /// `measured`: files in the place of the job's measured compliance, if there are any.
