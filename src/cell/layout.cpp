@@ -614,10 +614,12 @@ std::vector<BaseBody> bases(const Machine& machine, const JointVector& home) {
     if (part.role != Role::fixed) continue;
     std::vector<Vec3> points;
     for (const Vec3& p : part.points) points.push_back(machine.X_CM * p);
-    if (points.size() == 2) {
-      out.push_back({points[0], points[1], machine.body / 2, false});
-    } else {
+    if (part.plate) {
       joints.insert(joints.end(), points.begin(), points.end());
+      continue;
+    }
+    for (std::size_t k = 0; k + 1 < points.size(); ++k) {
+      out.push_back({points[k], points[k + 1], machine.body / 2, false});
     }
   }
   if (joints.size() < 3) return out;

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "polypod/core/units.hpp"
 #include "polypod/machine/any_machine.hpp"
 
 namespace polypod::cell {
@@ -51,8 +52,7 @@ struct Conveyor {
 
   /// How far beyond its end an item flies that falls by `height`, m: v sqrt(2 h / g).
   [[nodiscard]] double flight(double height) const {
-    constexpr double kGravity = 9.80665;  // m/s2
-    return speed * std::sqrt(2 * std::max(height, 0.0) / kGravity);
+    return speed * std::sqrt(2 * std::max(height, 0.0) / units::kStandardGravity);
   }
 
   /// A point of the belt's surface, m in C: `along` from where it begins, `across` to the left of its direction.

@@ -15,6 +15,7 @@ inline constexpr double kUmPerMetre = 1e6;
 inline constexpr double kMm2PerSquareMetre = 1e6;
 inline constexpr double kMetrePerInch = 25.4e-3;
 inline constexpr double kMradPerRad = 1e3;
+inline constexpr double kStandardGravity = 9.80665;  // m/s^2, ISO 80000-3
 inline constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
 constexpr double from_mm(double mm) {

@@ -29,6 +29,7 @@ struct OutlinePart {
   std::string name;          ///< "base", "legs at home", ...; empty where it needs none
   std::vector<Vec3> points;  ///< m, one after the other
   bool thick = true;
+  bool plate = false;  ///< the points go round a plate (the base of a delta); else they are lines (rails, links)
 };
 using Outline = std::vector<OutlinePart>;
 /// What moves, and the platform, called so: "legs" becomes "legs at home".

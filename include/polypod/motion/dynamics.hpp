@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "polypod/core/config.hpp"
+#include "polypod/core/units.hpp"
 #include "polypod/motion/joint_series.hpp"
 
 namespace polypod::motion {
@@ -22,8 +23,8 @@ struct Body {
 
 /// What moves, as the table `dynamics` of a machine file says it. Parts that it does not name have no mass.
 struct Dynamics {
-  Vec3 gravity = Vec3(0, 0, -9.80665);     ///< m/s^2, in M
-  bool gravity_given = false;              ///< else as the machine stands (kinematics::hangs_down)
+  Vec3 gravity = Vec3(0, 0, -units::kStandardGravity);  ///< m/s^2, in M
+  bool gravity_given = false;                           ///< else as the machine stands (kinematics::hangs_down)
   std::optional<Body> platform;            ///< or the tool of an arm: from the tool tip, in the axes of the tool frame
   std::optional<Body> payload;             ///< likewise
   std::vector<std::optional<Body>> links;  ///< of arms, one a row of the table, in the frame of that row

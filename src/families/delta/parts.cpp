@@ -67,8 +67,8 @@ OutlinePart drive_of(const LinearDelta& m, int i, const Vec3&) {
 
 template <class M>
 Outline outline_of(const M& m, const Vec3& tip, const JointVector& q) {
-  Outline out{{Role::fixed, "base", {}, false}};
-  OutlinePart platform{Role::platform, "platform", {}}, joints{Role::joints, "", {}};
+  Outline out{{Role::fixed, "base", {}, false, true}};
+  OutlinePart platform{Role::platform, "platform", {}, true, true}, joints{Role::joints, "", {}};
   for (int i = 0; i < m.arms; ++i) {
     const Vec3 elbow = driven_end(m, i, q[i]), end = tip + m.platform_joint[i] - m.tool;
     OutlinePart drive = drive_of(m, i, elbow);

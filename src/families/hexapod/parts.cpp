@@ -54,7 +54,7 @@ OutlinePart ring(const SixPoints& points, Role role, const char* name, bool thic
   std::iota(order.begin(), order.end(), 0U);
   const auto angle = [&](std::size_t i) { return std::atan2(points[i].y() - middle.y(), points[i].x() - middle.x()); };
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return angle(a) < angle(b); });
-  OutlinePart part{role, name, {}, thick};
+  OutlinePart part{role, name, {}, thick, true};
   for (const std::size_t i : order) part.points.push_back(points[i]);
   part.points.push_back(part.points.front());
   return part;

@@ -50,7 +50,7 @@ Outline outline(const Parallel& m, const Vec3&) {
 Outline outline_at(const Parallel& m, const Pose& X_MT, const JointVector& q) {
   using Role = OutlinePart::Role;
   Outline out;
-  OutlinePart joints{Role::joints, "", {}}, platform{Role::platform, "platform", {}};
+  OutlinePart joints{Role::joints, "", {}}, platform{Role::platform, "platform", {}, true, true};
   Vec3 middle = Vec3::Zero();
   Eigen::Index drive = 0;
   for (const ParallelLeg& leg : m.legs) {
