@@ -10,6 +10,7 @@
 #include <map>
 #include <utility>
 
+#include "packed.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/report/plot.hpp"
 #include "svg.hpp"
@@ -444,8 +445,9 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
     std::vector<Point> points;
     points.reserve(l.points.size());
     for (const Point& p : l.points) points.push_back({X(p.x), Y(p.y)});
-    picture.body += fmt::format("<path d=\"{}\" class=\"{} l{}\" style=\"stroke-width:{}\"/>\n", svg::path(points),
-                                svg::class_of(l.colour), svg::class_of(l.style), px(l.stroke));
+    picture.body +=
+        fmt::format("<path d=\"{}\" class=\"{} l{}\" style=\"stroke-width:{}\" data-name=\"{}\"/>\n", svg::path(points),
+                    svg::class_of(l.colour), svg::class_of(l.style), px(l.stroke), escape(l.name));
   }
   picture.body += "</g>\n";
   if (contour_labels) {
@@ -455,7 +457,10 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
   }
   const double radius = std::clamp(picture.width / 80, 3.3, 4.2);
   for (const Dot& dot : dots) {
-    const std::string place = fmt::format("<circle cx=\"{}\" cy=\"{}\"", px(X(dot.at.x)), px(Y(dot.at.y)));
+    const std::string told = std::isfinite(dot.value) ? number(dot.value, 5) + " " + unit : "no value";
+    const std::string place =
+        fmt::format("<circle cx=\"{}\" cy=\"{}\" data-tip=\"at {}, {} {}: {}\"", px(X(dot.at.x)), px(Y(dot.at.y)),
+                    number(dot.at.x, 5), number(dot.at.y, 5), escape(x.unit), escape(told));
     const auto band = std::find_if(bands.begin(), bands.end(), [&](const BandOf& b) { return dot.value <= b.to; });
     if (!std::isfinite(dot.value) || bands.empty()) {
       picture.body += place + " r=\"2\" fill=\"#fff\" stroke=\"#000\" stroke-width=\".8\"/>\n";
@@ -498,7 +503,34 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
     }
   }
   const bool has_label = !(x.label.empty() && x.unit.empty());
-  return picture.finish(bottom + (has_label ? 42 : 24));
+  const auto is_drawn = [&](int i, int j) {
+    const double v = value_at(i, j);
+    if (!std::isfinite(v) || !shown(v)) return false;
+    const double dx = (x1 - x0) / std::max(1, columns - 1), dy = (y1 - y0) / std::max(1, rows - 1);
+    return outlines.empty() || encloses(outlines, {X(x0 + i * dx), Y(y0 + j * dy)});
+  };
+  std::string data;
+  constexpr int kMostRead = 40000;  // values; what has more is read off its colours
+  if (!canvas.again && columns > 0 && rows > 0 && columns <= kMostRead / rows) {
+    Packed read, of;
+    for (int j = 0; j < rows; ++j) {
+      for (int i = 0; i < columns; ++i) {
+        const bool drawn = is_drawn(i, j);
+        read.add(static_cast<float>(drawn ? value_at(i, j) : std::numeric_limits<double>::quiet_NaN()));
+        if (with_kinds) of.add(static_cast<std::uint8_t>(drawn && kind_at(i, j) >= 0 ? kind_at(i, j) : 255));
+      }
+    }
+    data = fmt::format(" data-grid=\"{} {} {} {} {} {}\" data-value=\"{}\" data-f=\"{}\"", columns, rows, x0, x1, y0,
+                       y1, escape(label), read.text());
+    if (with_kinds) {
+      std::string names;
+      for (const std::string& name : kinds) names += (names.empty() ? "" : ";") + escape(name);
+      data += fmt::format(" data-kinds=\"{}\" data-k=\"{}\"", names, of.text());
+    }
+  }
+  return picture.finish(
+      bottom + (has_label ? 42 : 24),
+      svg::scales_of("map", X, Y, svg::with_unit(x.label, x.unit), svg::with_unit(y.label, y.unit), unit) + data);
 }
 
 }  // namespace polypod::report

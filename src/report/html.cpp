@@ -60,7 +60,7 @@ footer{max-width:992px;margin:3rem auto 2rem;padding:.8rem 16px 0;color:var(--mu
 .tools button{cursor:pointer} .tools button:hover{color:var(--ink)} .tools button:focus-visible,.sort:focus-visible{outline:2px solid var(--blue)}
 .sort{font:inherit;color:inherit;background:none;border:0;padding:0;text-align:inherit;cursor:pointer}
 th[aria-sort=ascending] .sort::after{content:" \25B2";font-size:.7em} th[aria-sort=descending] .sort::after{content:" \25BC";font-size:.7em}
-tr.picks{cursor:pointer} tr.picked td{background:color-mix(in srgb,var(--orange) 28%,transparent)} rect.picked{fill:var(--orange);fill-opacity:.25} path.cursor{fill:none;stroke:var(--ink);stroke-width:1.6;stroke-opacity:.75;pointer-events:none}
+tr.picks{cursor:pointer} tr.picked td{background:color-mix(in srgb,var(--orange) 28%,transparent)} rect.picked{fill:var(--orange);fill-opacity:.25} svg[data-plot=curves]{user-select:none} rect.stretch{fill:var(--sky);fill-opacity:.28} p.stretch{font-size:.9rem;color:var(--muted);margin:.2rem 0} p.stretch button{font:inherit;font-size:.78rem;color:inherit;background:none;border:1px solid var(--grid);border-radius:5px;cursor:pointer} path.cursor{fill:none;stroke:var(--ink);stroke-width:1.6;stroke-opacity:.75;pointer-events:none}
 @media (max-width:640px){
 .wide{display:none} .narrow{display:block} h1{font-size:1.55rem} header.top{padding-top:20px}
 .panels{grid-template-columns:1fr!important} .cards{grid-template-columns:1fr 1fr} .card{padding:10px 12px} .card b{font-size:1.35rem}
@@ -69,7 +69,7 @@ tr.picks{cursor:pointer} tr.picked td{background:color-mix(in srgb,var(--orange)
 @page{margin:15mm 14mm}
 body{font-size:10.5pt;background:#fff} main,header.top,footer{max-width:none;padding-left:0;padding-right:0}
 .wide{display:block!important} .narrow{display:none!important}
-h2,h3,h4,summary{break-after:avoid} nav,#tip,.tools,.cursor{display:none!important} a{color:inherit;text-decoration:none}
+h2,h3,h4,summary{break-after:avoid} nav,#tip,.tools,.cursor,.stretch{display:none!important} a{color:inherit;text-decoration:none}
 pre{white-space:pre-wrap;overflow-wrap:anywhere;font-size:8.5pt} .scroll{overflow:visible} summary{color:inherit;list-style:none}
 *{-webkit-print-color-adjust:exact;print-color-adjust:exact}
 }
@@ -255,7 +255,7 @@ void Report::add_figure(const Figure& figure, const std::string& caption) {
   const std::string id = next_id();
   body_ += fmt::format(
       "<figure><div class=\"wide\">{}</div><div class=\"narrow\">{}</div>\n<figcaption>{}</figcaption></figure>\n",
-      figure(Canvas{kWide, id}), figure(Canvas{kNarrow, id + "n"}), escape(caption));
+      figure(Canvas{kWide, id}), figure(Canvas{kNarrow, id + "n", true}), escape(caption));
 }
 
 void Report::add_scene(const Scene& drawn, const std::string& caption, const Scene* turns) {
@@ -272,7 +272,7 @@ void Report::add_scene(const Scene& drawn, const std::string& caption, const Sce
       "<figcaption>{}<span class=\"how\"> Drag turns the picture; the wheel (after a click) or two fingers zoom; with "
       "shift a drag moves it.</span></figcaption>\n"
       "<script type=\"application/json\" class=\"scene-data\">{}</script></figure>\n",
-      id, drawn(Canvas{kWide, id}), drawn(Canvas{kNarrow, id + "n"}), escape(caption), scene_data(scene));
+      id, drawn(Canvas{kWide, id}), drawn(Canvas{kNarrow, id + "n", true}), escape(caption), scene_data(scene));
   ++scenes_;
 }
 

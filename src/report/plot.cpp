@@ -10,6 +10,7 @@
 #include <limits>
 #include <set>
 
+#include "packed.hpp"
 #include "svg.hpp"
 
 namespace polypod::report {
@@ -59,22 +60,21 @@ bool never_decreases(const std::vector<double>& x) {
   return true;
 }
 
-/// The series in pixels. Where it has many more points than pixel columns, each column keeps the first, the last, the
-/// least and the greatest.
-std::vector<Point> thinned(const Series& series, const Scale& X, const Scale& Y) {
+/// The points of a series that are drawn. Where it has many more points than pixel columns, each column keeps the
+/// first, the last, the least and the greatest.
+std::vector<std::size_t> thinned(const Series& series, const Scale& X) {
   const std::size_t n = std::min(series.x.size(), series.y.size());
-  std::vector<Point> out;
+  std::vector<std::size_t> out;
   const double columns = std::abs(X.b - X.a) + 1;
   const bool thin = static_cast<double>(n) > 4 * columns && never_decreases(series.x);
   if (!thin) {
-    for (std::size_t i = 0; i < n; ++i) out.push_back({X(series.x[i]), Y(series.y[i])});
+    for (std::size_t i = 0; i < n; ++i) out.push_back(i);
     return out;
   }
   std::size_t i = 0;
   while (i < n) {
     if (!std::isfinite(series.y[i])) {
-      out.push_back({X(series.x[i]), series.y[i]});
-      ++i;
+      out.push_back(i++);
       continue;
     }
     const double column = std::floor(X(series.x[i]));
@@ -85,12 +85,13 @@ std::vector<Point> thinned(const Series& series, const Scale& X, const Scale& Y)
       if (series.y[i] > series.y[greatest]) greatest = i;
     }
     std::set<std::size_t> kept{first, least, greatest, i - 1};
-    for (const std::size_t k : kept) out.push_back({X(series.x[k]), Y(series.y[k])});
+    out.insert(out.end(), kept.begin(), kept.end());
   }
   return out;
 }
 
-void draw_points(Picture& picture, const std::vector<Point>& points, Colour colour, double radius) {
+void draw_points(Picture& picture, const std::vector<Point>& points, const std::string& name, Colour colour,
+                 double radius) {
   std::set<std::pair<long, long>> drawn;  // one dot a pixel
   std::string d;
   for (const Point& p : points) {
@@ -98,8 +99,8 @@ void draw_points(Picture& picture, const std::vector<Point>& points, Colour colo
     if (!drawn.emplace(std::lround(p.x), std::lround(p.y)).second) continue;
     d += fmt::format("M{} {}h0", px(p.x), px(p.y));
   }
-  picture.body += fmt::format("<path d=\"{}\" class=\"{} l\" style=\"stroke-width:{}\"/>\n", d, svg::class_of(colour),
-                              px(2 * radius));
+  picture.body += fmt::format("<path d=\"{}\" class=\"{} l\" style=\"stroke-width:{}\" data-dots=\"{}\"/>\n", d,
+                              svg::class_of(colour), px(2 * radius), escape(name));
 }
 
 LegendEntry entry_of(const Series& s) {
@@ -109,15 +110,22 @@ LegendEntry entry_of(const Series& s) {
 }  // namespace
 
 namespace {
-/// The values of a short curve, for the page's script to read them off and to save them; longer ones are read off the
-/// drawing.
-std::string values_of(const Series& s) {
-  constexpr std::size_t kMost = 1500;
-  const std::size_t n = std::min(s.x.size(), s.y.size());
-  if (n == 0 || n > kMost) return "";
+/// The values of a curve, for the page's script to read them off and to save them: of a short one all, of a longer one
+/// those that are drawn, as float32; of what cannot be thinned none.
+std::string values_of(const Series& s, const std::vector<std::size_t>& drawn) {
+  constexpr std::size_t kMost = 1500, kMostPacked = 10000;
+  if (drawn.empty() || drawn.size() > kMostPacked) return "";
+  if (drawn.size() > kMost) {
+    Packed packed;
+    for (const std::size_t i : drawn) {
+      packed.add(static_cast<float>(s.x[i]));
+      packed.add(static_cast<float>(s.y[i]));
+    }
+    return fmt::format(" data-f=\"{}\"", packed.text());
+  }
   std::string out = " data-v=\"";
-  for (std::size_t i = 0; i < n; ++i) {
-    out += i > 0 ? ";" : "";
+  for (const std::size_t i : drawn) {
+    out += out.back() == '"' ? "" : ";";
     out += std::isfinite(s.x[i]) && std::isfinite(s.y[i]) ? fmt::format("{:.9g},{:.9g}", s.x[i], s.y[i]) : "-";
   }
   return out + '"';
@@ -190,14 +198,17 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
         colour, px(left), px(a), px(right - left), px(c - a), px(right), px(c));
   }
   for (const Series& s : series) {
-    const std::vector<Point> points = thinned(s, X, Y);
+    const std::vector<std::size_t> drawn = thinned(s, X);
+    std::vector<Point> points;
+    points.reserve(drawn.size());
+    for (const std::size_t i : drawn) points.push_back({X(s.x[i]), Y(s.y[i])});
     if (s.style == LineStyle::points) {
-      draw_points(picture, points, s.colour, s.stroke);
+      draw_points(picture, points, s.name, s.colour, s.stroke);
       continue;
     }
     picture.body += fmt::format("<path d=\"{}\" class=\"{} l{}\" style=\"stroke-width:{}\" data-name=\"{}\"{}/>\n",
                                 svg::path(points), svg::class_of(s.colour), svg::class_of(s.style), px(s.stroke),
-                                escape(s.name), picture.width < kNarrow ? "" : values_of(s));
+                                escape(s.name), canvas.again ? "" : values_of(s, drawn));
   }
   for (const Level& l : levels) {
     picture.body += fmt::format("<path d=\"M{} {}H{}\" class=\"{} l dash\" style=\"stroke-width:1.2\"/>\n", px(left),
@@ -227,17 +238,14 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
       picture.text((a + b) / 2, top - 5, s.name, "q m", svg::kSmallFont);
     }
   }
-  // What the page's script needs to read values off under the pointer.
-  const std::string scales = fmt::format(
-      " data-x=\"{} {} {} {}\" data-y=\"{} {} {} {}\" data-label=\"{}\" data-unit=\"{}\" data-yname=\"{}\"", xr.lo,
-      xr.hi, px(left), px(right), yr.lo, yr.hi, px(bottom), px(top), escape(x_label), escape(y.unit), escape(y_label));
   // Parts of the x axis with a name: the script shows a part in all curves when it is picked in one.
   std::string parts;
   for (const Span& s : spans)
     if (!s.name.empty())
       parts += fmt::format("{}{}:{:.9g}:{:.9g}", parts.empty() ? "" : ";", escape(s.name), s.from, s.to);
   return picture.finish(bottom + (x_label.empty() ? 24 : 42),
-                        scales + (parts.empty() ? "" : fmt::format(" data-spans=\"{}\"", parts)));
+                        svg::scales_of("curves", X, Y, x_label, y_label, y.unit) +
+                            (parts.empty() ? "" : fmt::format(" data-spans=\"{}\"", parts)));
 }
 
 std::string PathPlot::operator()(const Canvas& canvas) const {
@@ -295,17 +303,18 @@ std::string PathPlot::operator()(const Canvas& canvas) const {
     return out;
   };
   for (const Area& a : areas) {
-    picture.body += fmt::format("<path d=\"{}\" class=\"{} a edge\"/>\n", svg::path(to_pixels(a.outline), true),
-                                svg::class_of(a.colour));
+    picture.body += fmt::format("<path d=\"{}\" class=\"{} a edge\" data-area=\"{}\"/>\n",
+                                svg::path(to_pixels(a.outline), true), svg::class_of(a.colour), escape(a.name));
   }
   for (const Polyline& l : lines) {
     const std::vector<Point> points = to_pixels(l.points);
     if (l.style == LineStyle::points) {
-      draw_points(picture, points, l.colour, l.stroke);
+      draw_points(picture, points, l.name, l.colour, l.stroke);
       continue;
     }
-    picture.body += fmt::format("<path d=\"{}\" class=\"{} l{}\" style=\"stroke-width:{}\"/>\n", svg::path(points),
-                                svg::class_of(l.colour), svg::class_of(l.style), px(l.stroke));
+    picture.body +=
+        fmt::format("<path d=\"{}\" class=\"{} l{}\" style=\"stroke-width:{}\" data-name=\"{}\"/>\n", svg::path(points),
+                    svg::class_of(l.colour), svg::class_of(l.style), px(l.stroke), escape(l.name));
   }
   for (const Arrow& a : arrows) {
     const Point from{X(a.from.x), Y(a.from.y)}, to{X(a.to.x), Y(a.to.y)};
@@ -343,7 +352,8 @@ std::string PathPlot::operator()(const Canvas& canvas) const {
     picture.text(left, height + 10, note, "q");
     height += 20;
   }
-  return picture.finish(height);
+  return picture.finish(
+      height, svg::scales_of("plane", X, Y, svg::with_unit(x_label, unit), svg::with_unit(y_label, unit), unit));
 }
 
 std::string Histogram::operator()(const Canvas& canvas) const {
@@ -403,8 +413,15 @@ std::string Histogram::operator()(const Canvas& canvas) const {
       d += fmt::format("V{}H{}", px(Y(share)), px(X(first + (i + 1) * step)));
       if (last_of_run) d += fmt::format("V{}", px(bottom));
     }
-    picture.body += fmt::format("<g class=\"{0}\"><path d=\"{1}\" class=\"a\"/><path d=\"{1}\" class=\"l\"/></g>\n",
-                                svg::class_of(samples[k].colour), d);
+    std::string values;
+    for (int i = 0; i < count && !canvas.again; ++i) {
+      values += fmt::format("{}{:.9g},{:.6g}", i > 0 ? ";" : "", first + (i + 0.5) * step,
+                            shares[k][static_cast<std::size_t>(i)]);
+    }
+    picture.body += fmt::format(
+        "<g class=\"{0}\"><path d=\"{1}\" class=\"a\"/><path d=\"{1}\" class=\"l\" data-name=\"{2}\" "
+        "data-v=\"{3}\"/></g>\n",
+        svg::class_of(samples[k].colour), d, escape(samples[k].name), values);
   }
   for (const Level& l : levels) {
     const double at = X(l.value);
@@ -415,7 +432,8 @@ std::string Histogram::operator()(const Canvas& canvas) const {
     const std::string classes = fmt::format("{} c h{}", svg::class_of(l.colour), before ? " e" : "");
     picture.text(before ? at - 5 : at + 5, top + 12, l.name, classes.c_str(), svg::kSmallFont);
   }
-  return picture.finish(bottom + (x_label.empty() ? 24 : 42));
+  return picture.finish(bottom + (x_label.empty() ? 24 : 42),
+                        svg::scales_of("bins", X, Y, x_label, "fraction, %", "%"));
 }
 
 std::string BarChart::operator()(const Canvas& canvas) const {
@@ -458,9 +476,12 @@ std::string BarChart::operator()(const Canvas& canvas) const {
     for (std::size_t k = 0; k < rows[i].parts.size(); ++k) {
       const double part = rows[i].parts[k];
       if (!(part > 0) || !std::isfinite(part)) continue;
+      std::string told = rows[i].label;
+      if (k < parts.size() && !parts[k].empty()) told += ", " + parts[k];
       picture.body +=
-          fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" class=\"{} f\"/>\n", px(X(at)), px(top),
-                      px(X(at + part) - X(at)), px(kBar), svg::class_of(kOrder[k % std::size(kOrder)]));
+          fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" class=\"{} f\" data-tip=\"{}: {} {}\"/>\n",
+                      px(X(at)), px(top), px(X(at + part) - X(at)), px(kBar),
+                      svg::class_of(kOrder[k % std::size(kOrder)]), escape(told), number(part, 5), escape(unit));
       at += part;
     }
     picture.text(X(at) + 7, top + kBar / 2 + 4, fmt::format("{} {}", number(totals[i], 3), unit), "t");

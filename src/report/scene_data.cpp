@@ -3,12 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <type_traits>
 
+#include "packed.hpp"
 #include "polypod/report/scene.hpp"
 #include "svg.hpp"
 
@@ -54,35 +53,9 @@ std::string list(const Point3& p) {
   return fmt::format("[{},{},{}]", json_number(p.x), json_number(p.y), json_number(p.z));
 }
 
-std::string base64(const std::vector<std::uint8_t>& bytes) {
-  static constexpr std::string_view kLetters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    std::uint32_t three = 0;
-    for (std::size_t k = 0; k < 3; ++k) three = three << 8 | (i + k < bytes.size() ? bytes[i + k] : 0U);
-    for (std::size_t k = 0; k < 4; ++k) {
-      out += i + k > bytes.size() ? '=' : kLetters[three >> (18 - 6 * k) & 63U];
-    }
-  }
-  return out;
+std::string in_quotes(const Packed& packed) {
+  return '"' + packed.text() + '"';
 }
-
-/// Numbers of one type, little-endian whatever the machine is.
-class Packed {
- public:
-  template <class Number>
-  void add(Number value) {
-    using Bits = std::conditional_t<sizeof(Number) == 4, std::uint32_t,
-                                    std::conditional_t<sizeof(Number) == 2, std::uint16_t, std::uint8_t>>;
-    const auto bits = std::bit_cast<Bits>(value);
-    for (std::size_t k = 0; k < sizeof(Number); ++k) bytes_.push_back(static_cast<std::uint8_t>(bits >> (8 * k)));
-  }
-  [[nodiscard]] std::string text() const { return '"' + base64(bytes_) + '"'; }
-
- private:
-  std::vector<std::uint8_t> bytes_;
-};
 
 constexpr std::uint16_t kNone = 65535;
 constexpr double kSteps = 65534;
@@ -105,7 +78,7 @@ class Quantised {
     packed_.add(whole(p.z, low_.z, step_.z));
   }
   [[nodiscard]] std::string text() const {
-    return fmt::format("{{\"low\":{},\"step\":{},\"data\":{}}}", list(low_), list(step_), packed_.text());
+    return fmt::format("{{\"low\":{},\"step\":{},\"data\":{}}}", list(low_), list(step_), in_quotes(packed_));
   }
 
  private:
@@ -117,7 +90,7 @@ std::string floats(const std::vector<Point3>& points) {
   Packed packed;
   for (const Point3& p : points)
     for (const double x : {p.x, p.y, p.z}) packed.add(static_cast<float>(x));
-  return packed.text();
+  return in_quotes(packed);
 }
 
 std::string mesh_text(const Mesh& mesh, const Box3& box) {
@@ -134,11 +107,11 @@ std::string mesh_text(const Mesh& mesh, const Box3& box) {
       if (known) triangles.add(static_cast<std::uint32_t>(v));
   }
   std::string out = fmt::format("{{\"name\":{},\"opacity\":{},\"points\":{},\"triangles\":{}", quoted(mesh.name),
-                                json_number(mesh.opacity), points.text(), triangles.text());
+                                json_number(mesh.opacity), points.text(), in_quotes(triangles));
   if (mesh.kind.size() == mesh.points.size() && !mesh.kind.empty()) {
     Packed kinds;
     for (const int kind : mesh.kind) kinds.add(static_cast<std::int8_t>(std::clamp(kind, -1, 127)));
-    out += ",\"kind\":" + kinds.text();
+    out += ",\"kind\":" + in_quotes(kinds);
   }
   if (mesh.value.size() == mesh.points.size() && !mesh.value.empty()) {
     double low = std::numeric_limits<double>::infinity(), high = -low;
@@ -152,7 +125,7 @@ std::string mesh_text(const Mesh& mesh, const Box3& box) {
     Packed values;
     for (const double v : mesh.value) values.add(whole(v, low, step));
     out += fmt::format(",\"value\":{{\"low\":[{}],\"step\":[{}],\"data\":{}}}", json_number(low), json_number(step),
-                       values.text());
+                       in_quotes(values));
   }
   return out + '}';
 }
@@ -165,7 +138,7 @@ std::string line_text(const Line3& line) {
   if (line.value.size() == line.points.size() && !line.value.empty()) {
     Packed values;
     for (const double v : line.value) values.add(static_cast<float>(v));
-    out += ",\"value\":" + values.text();
+    out += ",\"value\":" + in_quotes(values);
   }
   if (line.tag.size() == line.points.size() && !line.tag.empty()) {
     out += ",\"tag\":" + list(line.tag, [](int tag) { return fmt::format("{}", tag); });

@@ -323,6 +323,15 @@ std::string Picture::clip(const char* name, double left, double top, double box_
   return fmt::format("url(#{}-{})", id_, name);
 }
 
+std::string scales_of(const char* kind, const Scale& X, const Scale& Y, const std::string& x_label,
+                      const std::string& y_label, const std::string& unit) {
+  return fmt::format(
+      " data-plot=\"{}\" data-x=\"{} {} {} {}\" data-y=\"{} {} {} {}\" data-label=\"{}\" data-yname=\"{}\" "
+      "data-unit=\"{}\"",
+      kind, X.from, X.to, px(X.a), px(X.b), Y.from, Y.to, px(Y.a), px(Y.b), escape(x_label), escape(y_label),
+      escape(unit));
+}
+
 std::string Picture::finish(double height, const std::string& attributes) const {
   return fmt::format(
       "<svg class=\"pp\" viewBox=\"0 0 {0} {1}\" width=\"{0}\" height=\"{1}\" "

@@ -80,6 +80,12 @@ class Picture {
 /// "label, unit" (or the one that is not empty).
 std::string with_unit(const std::string& label, const std::string& unit);
 
+/// What the page's script (viewer/src/plots.ts) needs to read values off under the pointer, as attributes of the
+/// picture: the kind of plot ("curves", "bins", "plane", "map"), its scales, the titles of its axes, and the unit of
+/// what is read.
+std::string scales_of(const char* kind, const Scale& X, const Scale& Y, const std::string& x_label,
+                      const std::string& y_label, const std::string& unit);
+
 /// The `d` of a path through points in pixels, simplified to a quarter of a pixel. A point that is not finite
 /// interrupts it.
 std::string path(const std::vector<Point>& points, bool closed = false);

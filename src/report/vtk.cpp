@@ -3,44 +3,21 @@
 
 #include <fmt/format.h>
 
-#include <bit>
-#include <cstring>
-
+#include "packed.hpp"
 #include "polypod/report/plot.hpp"
 
 namespace polypod::report {
 namespace {
 
-static_assert(std::endian::native == std::endian::little, "the files are declared little-endian");
-
-/// Base64 of bytes; whole groups of three only at the end of the call, as VTK wants for header and data together.
-std::string base64(const std::string& bytes) {
-  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const auto byte = [&](std::size_t k) {
-      return k < bytes.size() ? static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[k])) : 0U;
-    };
-    const std::uint32_t group = byte(i) << 16 | byte(i + 1) << 8 | byte(i + 2);
-    out += kDigits[group >> 18 & 63];
-    out += kDigits[group >> 12 & 63];
-    out += i + 1 < bytes.size() ? kDigits[group >> 6 & 63] : '=';
-    out += i + 2 < bytes.size() ? kDigits[group & 63] : '=';
-  }
-  return out;
-}
-
 /// A DataArray with its bytes inline: a header of 8 bytes with the count, then the numbers, in one piece of base64.
 template <class T>
 std::string data_array(const char* type, const std::string& name, int components, const std::vector<T>& values) {
-  const std::uint64_t count = values.size() * sizeof(T);
-  std::string bytes(sizeof count + count, '\0');
-  std::memcpy(bytes.data(), &count, sizeof count);
-  if (count > 0) std::memcpy(bytes.data() + sizeof count, values.data(), count);
+  Packed packed;
+  packed.add(std::uint64_t{values.size() * sizeof(T)});
+  for (const T value : values) packed.add(value);
   return fmt::format(
       "<DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" format=\"binary\">\n{}\n</DataArray>\n", type,
-      escape(name), components, base64(bytes));
+      escape(name), components, packed.text());
 }
 
 Result<std::string> point_data(const std::vector<VtkArray>& arrays, std::size_t points) {

@@ -1,3 +1,3 @@
-set(page_sha256 DKz2hByMUH2BeIxZSMl2dhydjxKO/RgsOlWMFrKBgiw=)
+set(page_sha256 1tkZtbGyuskKCjACIXROSZJo0epFGOtYnnCjfGIChyQ=)
 set(live_sha256 GPqygFZlffx01PPg0zPjcsTSjg6Rm1R7mgacmqOb54g=)
-set(viewer_sha256 iQemv0FKRsMDS38nNvzN71y0NhJtdxDBe9AFH9ho58o=)
+set(viewer_sha256 3SJJuBVxtPSmazyhN5Cz0QbCJhozJFMhjBjiKhoG+Xo=)

@@ -2,6 +2,8 @@
 // The script of every page: values under the pointer, folded parts open on paper, and the start of the scenes. Reading a
 // page needs none of it.
 
+import { readPlots, tableOf, type Stretch } from './plots';
+
 const tipBox = document.createElement('div');
 tipBox.id = 'tip';
 document.body.appendChild(tipBox);
@@ -23,10 +25,6 @@ const tip = {
 };
 (window as unknown as { polypodTip: typeof tip }).polypodTip = tip;
 
-function shown(value: number, span: number): string {
-  return value.toFixed(Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(span || 1)))));
-}
-
 // A line of the program that is picked anywhere shows everywhere: in curves, in tables, in scenes.
 let picked: number | null = null;
 function pick(line: number | null): void {
@@ -39,87 +37,15 @@ document.addEventListener('polypod:pick', (e) => {
   pick(line === picked ? null : line);
 });
 
-// Curves: the value of each at the pointer. Short ones hold their values, of longer ones the drawing is read.
-interface Curve {
-  name: string;
-  values: [number, number][] | null;
-  runs: number[][][];
-}
-function curvesOf(svg: SVGSVGElement): Curve[] {
-  return [...svg.querySelectorAll<SVGPathElement>('path[data-name]')].map((path) => ({
-    name: path.dataset['name'] ?? '',
-    values: path.dataset['v']?.split(';').map((p) => (p === '-' ? [NaN, NaN] : p.split(',').map(Number)) as [number, number]) ?? null,
-    runs: (path.getAttribute('d') ?? '').split('M').filter(Boolean).map((run) => run.split('L').map((point) => point.split(' ').map(parseFloat))),
-  }));
-}
-/** The value of a curve of values at x, if x lies on it: at the nearest point. */
-function nearest(values: [number, number][], x: number): [number, number] | null {
-  let best: [number, number] | null = null;
-  let low = Infinity, high = -Infinity;
-  for (const point of values) {
-    if (!Number.isFinite(point[0])) continue;
-    low = Math.min(low, point[0]);
-    high = Math.max(high, point[0]);
-    if (best === null || Math.abs(point[0] - x) < Math.abs(best[0] - x)) best = point;
-  }
-  return x < low || x > high ? null : best;
-}
-for (const svg of document.querySelectorAll<SVGSVGElement>('svg[data-x]')) {
-  const four = (text: string | undefined): number[] => (text ?? '').split(' ').map(Number);
-  const X = four(svg.dataset['x']), Y = four(svg.dataset['y']);
-  const curves = curvesOf(svg);
-  const spans = (svg.dataset['spans'] ?? '').split(';').filter(Boolean).map((part) => {
-    const [name, from, to] = part.split(':');
-    return { name: name ?? '', line: Number(/^line (\d+)$/.exec(name ?? '')?.[1] ?? NaN), from: Number(from), to: Number(to) };
-  });
-  const valueAt = (e: MouseEvent): number | null => {
-    const box = svg.getBoundingClientRect();
-    const x = ((e.clientX - box.left) * svg.viewBox.baseVal.width) / box.width;
-    return x < X[2]! || x > X[3]! ? null : X[0]! + ((x - X[2]!) / (X[3]! - X[2]!)) * (X[1]! - X[0]!);
-  };
-  const toPx = (v: number): number => X[2]! + ((v - X[0]!) / (X[1]! - X[0]!)) * (X[3]! - X[2]!);
-  svg.addEventListener('pointermove', (e) => {
-    const v = valueAt(e);
-    if (v === null) {
-      tip.hide();
-      return;
-    }
-    const x = toPx(v);
-    let at = v;
-    const rows: string[] = [];
-    const unit = svg.dataset['unit'] ?? '';
-    for (const curve of curves) {
-      if (curve.values !== null) {
-        const point = nearest(curve.values, v);
-        if (point === null || !Number.isFinite(point[1])) continue;
-        at = point[0];
-        rows.push(`${curve.name}: ${Number(point[1].toPrecision(6))} ${unit}`);
-        continue;
-      }
-      curve.runs.some((run) => {
-        for (let i = 1; i < run.length; ++i) {
-          const a = run[i - 1]!, b = run[i]!;
-          if (a[0]! > x || x > b[0]!) continue;
-          const t = b[0]! > a[0]! ? (x - a[0]!) / (b[0]! - a[0]!) : 0, y = a[1]! + t * (b[1]! - a[1]!);
-          const value = Y[0]! + ((y - Y[2]!) / (Y[3]! - Y[2]!)) * (Y[1]! - Y[0]!);
-          rows.push(`${curve.name}: about ${shown(value, Y[1]! - Y[0]!)} ${unit}`);
-          return true;
-        }
-        return false;
-      });
-    }
-    const span = spans.find((s) => s.from <= v && v <= s.to);
-    rows.unshift(`${svg.dataset['label']}: ${shown(at, (X[1]! - X[0]!) / 10)}`);
-    if (span) rows.push(span.name);
-    tip.show(rows, e.clientX, e.clientY);
-  });
-  svg.addEventListener('pointerleave', () => tip.hide());
+// Plots: what stands under the pointer, the line of the program that is picked, the cursor of what plays.
+for (const plot of readPlots(tip)) {
+  if (!plot.hasAxis) continue;
+  const { svg, X, Y, title } = plot;
   // What plays in a scene has a cursor here, and goes where this curve is clicked.
-  const title = svg.dataset['label'] ?? '';
   let cursor: SVGPathElement | null = null;
   document.addEventListener('polypod:frame', (e) => {
     const at = (e as CustomEvent<Map<string, number>>).detail.get(title);
-    if (at === undefined || !(at >= Math.min(X[0]!, X[1]!) && at <= Math.max(X[0]!, X[1]!))) {
+    if (at === undefined || !(at >= X.low && at <= X.high)) {
       cursor?.remove();
       cursor = null;
       return;
@@ -129,32 +55,22 @@ for (const svg of document.querySelectorAll<SVGSVGElement>('svg[data-x]')) {
       cursor.setAttribute('class', 'cursor');
       svg.append(cursor);
     }
-    cursor.setAttribute('d', `M${toPx(at).toFixed(1)} ${Y[2]!}V${Y[3]!}`);
+    cursor.setAttribute('d', `M${X(at).toFixed(1)} ${Y.from}V${Y.to}`);
   });
   svg.addEventListener('click', (e) => {
-    const v = valueAt(e);
+    const v = plot.valueAt(e);
     if (v !== null) setTimeout(() => document.dispatchEvent(new CustomEvent('polypod:at', { detail: { title, value: v } })));
   });
-  if (!spans.some((s) => Number.isFinite(s.line))) continue;
+  if (!plot.parts.some((s) => Number.isFinite(s.line))) continue;
   svg.addEventListener('click', (e) => {
-    const v = valueAt(e);
-    const span = v === null ? undefined : spans.find((s) => s.from <= v && v <= s.to);
-    pick(span && Number.isFinite(span.line) && span.line !== picked ? span.line : null);
+    const v = plot.valueAt(e);
+    const part = v === null ? undefined : plot.partAt(v);
+    pick(part && Number.isFinite(part.line) && part.line !== picked ? part.line : null);
   });
-  const marks: SVGRectElement[] = [];
+  const marks: Element[] = [];
   document.addEventListener('polypod:line', () => {
     for (const mark of marks.splice(0)) mark.remove();
-    for (const s of spans) {
-      if (s.line !== picked) continue;
-      const mark = document.createElementNS(svg.namespaceURI, 'rect') as SVGRectElement;
-      mark.setAttribute('x', String(toPx(s.from)));
-      mark.setAttribute('width', String(Math.max(1, toPx(s.to) - toPx(s.from))));
-      mark.setAttribute('y', String(Y[3]!));
-      mark.setAttribute('height', String(Y[2]! - Y[3]!));
-      mark.setAttribute('class', 'picked');
-      svg.prepend(mark);
-      marks.push(mark);
-    }
+    for (const s of plot.parts) if (s.line === picked) marks.push(plot.mark(s.from, s.to, 'picked'));
   });
 }
 
@@ -218,6 +134,10 @@ for (const table of document.querySelectorAll<HTMLTableElement>('main table')) {
       row.classList.add('picks');
       row.addEventListener('click', () => pick(line === picked ? null : line));
       document.addEventListener('polypod:line', () => row.classList.toggle('picked', line === picked));
+      document.addEventListener('polypod:stretch', (e) => {
+        const stretch = (e as CustomEvent<Stretch | null>).detail;
+        row.classList.toggle('picked', stretch === null ? line === picked : stretch.lines.includes(line));
+      });
     }
   }
 }
@@ -241,7 +161,7 @@ function saving(text: string, done: () => void, label: string): HTMLButtonElemen
 }
 function svgText(svg: SVGSVGElement): string {
   const copy = svg.cloneNode(true) as SVGSVGElement;
-  copy.querySelector('.cursor')?.remove();
+  for (const mark of copy.querySelectorAll('.cursor, .stretch, .picked')) mark.remove();
   const style = document.createElementNS(svg.namespaceURI, 'style');
   const rules = [...document.styleSheets].flatMap((sheet) => [...sheet.cssRules]).filter((r): r is CSSStyleRule => r instanceof CSSStyleRule && r.selectorText.includes('svg.pp')).map((r) => r.cssText);
   const own = getComputedStyle(document.documentElement);
@@ -267,12 +187,10 @@ for (const svg of document.querySelectorAll<SVGSVGElement>('main figure .wide > 
     };
     image.setAttribute('src', `data:image/svg+xml,${encodeURIComponent(svgText(svg))}`);
   }, `Save as PNG: ${what}`));
-  const curves = curvesOf(svg).filter((c) => c.values !== null);
-  if (curves.length > 0) {
+  if (tableOf(svg) !== null) {
     tools.append(saving('CSV', () => {
-      const quoted = (text: string | undefined, otherwise: string): string => `"${(text || otherwise).replace(/"/g, '""')}"`;
-      const rows = [`curve,${quoted(svg.dataset['label'], 'x')},${quoted(svg.dataset['yname'], 'y')}`];
-      for (const c of curves) for (const [x, y] of c.values!) if (Number.isFinite(x)) rows.push(`"${c.name.replace(/"/g, '""')}",${x},${y}`);
+      const text = (cell: string | number): string => (typeof cell === 'number' ? String(cell) : `"${cell.replace(/"/g, '""')}"`);
+      const rows = tableOf(svg)!.map((row, i) => row.map((cell) => (i === 0 && cell === 'curve' ? 'curve' : text(cell))).join(','));
       save(new Blob([rows.join('\n') + '\n'], { type: 'text/csv' }), `${name}.csv`);
     }, `Save the values (CSV): ${what}`));
   }

@@ -474,18 +474,18 @@ export class Picture {
     });
   }
 
-  /** The stretch of each line that belongs to a line of the program, thick and in the colour of what is picked. */
-  private mark(line: number | null): void {
+  /** The stretch of each line that belongs to these lines of the program, thick and in the colour of what is picked. */
+  private mark(lines: Set<number>): void {
     if (this.marked) {
       this.scene.remove(this.marked.object);
       this.marked.dispose();
       this.marked = null;
     }
     const from = this.lines.find((l) => l.data.tag !== undefined);
-    if (line !== null && from) {
+    if (lines.size > 0 && from) {
       const points = from.points.slice();
       const n = points.length / 3;
-      for (let i = 0; i < n; ++i) if (from.data.tag![i] !== line && from.data.tag![i + 1] !== line) points.fill(NaN, 3 * i, 3 * i + 3);
+      for (let i = 0; i < n; ++i) if (!lines.has(from.data.tag![i]!) && !lines.has(from.data.tag![i + 1]!)) points.fill(NaN, 3 * i, 3 * i + 3);
       const data: LineData = { name: '', layer: '', colour: 'orange', stroke: 6, dots: false, moves: false, points: '' };
       this.marked = new Line(data, null, this.pixels, points);
       this.scene.add(this.marked.object);
@@ -552,7 +552,11 @@ export class Picture {
 
   /** A click on a path picks its line of the program, everywhere on the page. */
   private picking(): void {
-    document.addEventListener('polypod:line', (e) => this.mark((e as CustomEvent<number | null>).detail));
+    document.addEventListener('polypod:line', (e) => {
+      const line = (e as CustomEvent<number | null>).detail;
+      this.mark(new Set(line === null ? [] : [line]));
+    });
+    document.addEventListener('polypod:stretch', (e) => this.mark(new Set((e as CustomEvent<{ lines: number[] } | null>).detail?.lines ?? [])));
     if (!this.lines.some((l) => l.data.tag !== undefined)) return;
     let at = [0, 0];
     this.canvas.addEventListener('pointerdown', (e) => (at = [e.clientX, e.clientY]));

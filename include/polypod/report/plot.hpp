@@ -17,6 +17,7 @@ namespace polypod::report {
 struct Canvas {
   double width = 960;
   std::string id = "p";
+  bool again = false;  ///< the same picture stands wide beside this one, with the values that are read under a pointer
 };
 
 /// Anything that draws itself on a canvas: each of the structs below, or a function of one's own that returns `<svg

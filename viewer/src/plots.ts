@@ -1,0 +1,384 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Plots: what stands under the pointer, a stretch of the x axis that is dragged, and the values of a plot as a table.
+// The attributes are written by src/report: `data-plot` says what kind of plot it is ("curves", "bins", "map", "plane"),
+// `data-x` and `data-y` are its scales (from, to, and where these are in the picture).
+
+export interface Tip {
+  show(rows: string[], x: number, y: number): void;
+  hide(): void;
+}
+type Pair = [number, number];
+
+export function shown(value: number, span: number): string {
+  return value.toFixed(Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(span || 1)))));
+}
+const five = (value: number): string => String(Number(value.toPrecision(5)));
+
+function bytes(text: string): ArrayBuffer {
+  return Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+}
+/** Little-endian float32, on any machine. */
+function floats(text: string): Float32Array {
+  const view = new DataView(bytes(text));
+  return Float32Array.from({ length: view.byteLength / 4 }, (_, i) => view.getFloat32(4 * i, true));
+}
+
+interface Scale {
+  (value: number): number;
+  back(px: number): number;
+  inside(px: number): boolean;
+  low: number;
+  high: number;
+  span: number;
+  from: number; // px
+  to: number;
+}
+function scaleOf(text: string | undefined): Scale {
+  const [a = 0, b = 1, p = 0, q = 1] = (text ?? '').split(' ').map(Number);
+  const scale = (value: number): number => p + ((value - a) / (b - a)) * (q - p);
+  return Object.assign(scale, {
+    back: (px: number) => a + ((px - p) / (q - p)) * (b - a),
+    inside: (px: number) => px >= Math.min(p, q) && px <= Math.max(p, q),
+    low: Math.min(a, b), high: Math.max(a, b), span: Math.abs(b - a), from: p, to: q,
+  });
+}
+
+/** The drawing that holds the values: a narrow one stands beside a wide one that has them. */
+function holder(svg: SVGSVGElement): SVGSVGElement {
+  if (!svg.closest('.narrow')) return svg;
+  return svg.closest('figure')?.querySelector<SVGSVGElement>('.wide svg[data-plot]') ?? svg;
+}
+
+export interface Curve {
+  name: string;
+  values: Pair[] | null;
+  runs: number[][][];
+}
+export function curvesOf(svg: SVGSVGElement): Curve[] {
+  const own = [...svg.querySelectorAll<SVGPathElement>('path[data-name]')], wide = [...holder(svg).querySelectorAll<SVGPathElement>('path[data-name]')];
+  return own.map((path, k) => {
+    const { v, f } = (wide[k] ?? path).dataset;
+    let values: Pair[] | null = v?.split(';').map((p) => (p === '-' ? [NaN, NaN] : p.split(',').map(Number)) as Pair) ?? null;
+    if (f !== undefined) {
+      const packed = floats(f);
+      values = Array.from({ length: packed.length / 2 }, (_, i) => [packed[2 * i]!, packed[2 * i + 1]!] as Pair);
+    }
+    const d = path.getAttribute('d') ?? '';
+    const runs = /[VHZz]/.test(d) ? [] : d.split('M').filter(Boolean).map((run) => run.split('L').map((point) => point.split(' ').map(parseFloat)));
+    return { name: path.dataset['name'] ?? '', values, runs };
+  });
+}
+
+interface Grid {
+  columns: number;
+  rows: number;
+  x: Pair;
+  y: Pair;
+  values: Float32Array;
+  kinds: Uint8Array | null;
+  names: string[];
+  what: string;
+  unit: string;
+}
+function gridOf(svg: SVGSVGElement): Grid | null {
+  const { grid, f, k, kinds, value, unit } = holder(svg).dataset;
+  if (grid === undefined || f === undefined) return null;
+  const [columns = 0, rows = 0, x0 = 0, x1 = 1, y0 = 0, y1 = 1] = grid.split(' ').map(Number);
+  return {
+    columns, rows, x: [x0, x1], y: [y0, y1], values: floats(f), kinds: k === undefined ? null : new Uint8Array(bytes(k)),
+    names: (kinds ?? '').split(';'), what: value ?? '', unit: unit ?? '',
+  };
+}
+const along = (range: Pair, i: number, count: number): number => range[0] + (count > 1 ? (i / (count - 1)) * (range[1] - range[0]) : 0);
+
+/** The values of a plot as the rows of a table, the first its head; null where it has none. */
+export function tableOf(svg: SVGSVGElement): (string | number)[][] | null {
+  const label = svg.dataset['label'] || 'x', yname = svg.dataset['yname'] || 'y';
+  if (svg.dataset['plot'] === 'map') {
+    const grid = gridOf(svg);
+    if (grid === null) return null;
+    const rows: (string | number)[][] = [[label, yname, [grid.what || 'value', grid.unit].filter(Boolean).join(', '), ...(grid.kinds ? ['kind'] : [])]];
+    grid.values.forEach((v, n) => {
+      if (!Number.isFinite(v)) return;
+      const kind = grid.kinds ? [grid.names[grid.kinds[n]!] ?? ''] : [];
+      rows.push([Number(along(grid.x, n % grid.columns, grid.columns).toPrecision(9)), Number(along(grid.y, Math.floor(n / grid.columns), grid.rows).toPrecision(9)), Number(v.toPrecision(7)), ...kind]);
+    });
+    return rows;
+  }
+  const curves = curvesOf(svg).filter((c) => c.values !== null);
+  if (curves.length === 0) return null;
+  const rows: (string | number)[][] = [['curve', label, yname]];
+  for (const c of curves) for (const [x, y] of c.values!) if (Number.isFinite(x)) rows.push([c.name, Number(x.toPrecision(9)), Number(y.toPrecision(9))]);
+  return rows;
+}
+
+/** The value of a curve at x, if x lies on it: that of the nearest point. */
+function nearest(values: Pair[], x: number): Pair | null {
+  let best: Pair | null = null;
+  let low = Infinity, high = -Infinity;
+  for (const point of values) {
+    if (!Number.isFinite(point[0])) continue;
+    low = Math.min(low, point[0]);
+    high = Math.max(high, point[0]);
+    if (best === null || Math.abs(point[0] - x) < Math.abs(best[0] - x)) best = point;
+  }
+  return x < low || x > high ? null : best;
+}
+
+/** A part of the x axis with a name, as a line of the program. */
+interface Part {
+  name: string;
+  line: number;
+  from: number;
+  to: number;
+}
+/** A stretch of an x axis that was dragged over, in every plot with that axis. */
+export interface Stretch {
+  title: string;
+  from: number;
+  to: number;
+  lines: number[];
+}
+
+export class Plot {
+  readonly kind: string;
+  readonly title: string;
+  readonly X: Scale;
+  readonly Y: Scale;
+  readonly parts: Part[];
+  private curves_: Curve[] | null = null;
+  private grid_: Grid | null | undefined;
+
+  constructor(readonly svg: SVGSVGElement) {
+    this.kind = svg.dataset['plot'] ?? '';
+    this.title = svg.dataset['label'] ?? '';
+    this.X = scaleOf(svg.dataset['x']);
+    this.Y = scaleOf(svg.dataset['y']);
+    this.parts = (svg.dataset['spans'] ?? '').split(';').filter(Boolean).map((part) => {
+      const [name, from, to] = part.split(':');
+      return { name: name ?? '', line: Number(/^line (\d+)$/.exec(name ?? '')?.[1] ?? NaN), from: Number(from), to: Number(to) };
+    });
+  }
+  get curves(): Curve[] {
+    return (this.curves_ ??= curvesOf(this.svg));
+  }
+  get hasAxis(): boolean {
+    return this.kind === 'curves';
+  }
+
+  /** Where the pointer is in the picture, px of the drawing. */
+  at(e: MouseEvent): Pair {
+    const box = this.svg.getBoundingClientRect();
+    return [((e.clientX - box.left) * this.svg.viewBox.baseVal.width) / box.width, ((e.clientY - box.top) * this.svg.viewBox.baseVal.height) / box.height];
+  }
+  /** The value on the x axis under the pointer. */
+  valueAt(e: MouseEvent): number | null {
+    const [x] = this.at(e);
+    return this.X.inside(x) ? this.X.back(x) : null;
+  }
+  partAt(v: number): Part | undefined {
+    return this.parts.find((s) => s.from <= v && v <= s.to);
+  }
+
+  /** What stands under the pointer, in words. */
+  read(e: MouseEvent): string[] {
+    const [x, y] = this.at(e);
+    if (!this.X.inside(x)) return [];
+    if (this.kind === 'map') return this.Y.inside(y) ? this.readMap(x, y, e) : [];
+    if (this.kind === 'plane') return this.Y.inside(y) ? this.readPlane(x, y, e) : [];
+    return this.readCurves(x);
+  }
+
+  private readCurves(x: number): string[] {
+    const v = this.X.back(x), unit = this.svg.dataset['unit'] ?? '';
+    let at = v;
+    const rows: string[] = [];
+    for (const curve of this.curves) {
+      if (curve.values !== null) {
+        const point = nearest(curve.values, v);
+        if (point === null || !Number.isFinite(point[1])) continue;
+        at = point[0];
+        rows.push(`${curve.name}: ${Number(point[1].toPrecision(6))} ${unit}`);
+        continue;
+      }
+      curve.runs.some((run) => {
+        for (let i = 1; i < run.length; ++i) {
+          const a = run[i - 1]!, b = run[i]!;
+          if (a[0]! > x || x > b[0]!) continue;
+          const t = b[0]! > a[0]! ? (x - a[0]!) / (b[0]! - a[0]!) : 0;
+          rows.push(`${curve.name}: about ${shown(this.Y.back(a[1]! + t * (b[1]! - a[1]!)), this.Y.span)} ${unit}`);
+          return true;
+        }
+        return false;
+      });
+    }
+    rows.unshift(`${this.title}: ${shown(at, this.X.span / 10)}`);
+    const part = this.partAt(v);
+    if (part) rows.push(part.name);
+    return rows;
+  }
+
+  /** The value at the point of the grid that is nearest. */
+  private readMap(x: number, y: number, e: MouseEvent): string[] {
+    const told = (e.target as Element | null)?.closest<SVGElement>('[data-tip]')?.dataset['tip'];
+    const grid = (this.grid_ ??= gridOf(this.svg));
+    const rows = told === undefined ? [] : [told];
+    if (!grid) return rows;
+    const index = (range: Pair, value: number, count: number): number => Math.max(0, Math.min(count - 1, Math.round(((value - range[0]) / (range[1] - range[0] || 1)) * (count - 1))));
+    const i = index(grid.x, this.X.back(x), grid.columns), j = index(grid.y, this.Y.back(y), grid.rows);
+    const value = grid.values[j * grid.columns + i]!;
+    rows.push(`${this.title}: ${shown(along(grid.x, i, grid.columns), this.X.span / 10)}`, `${this.svg.dataset['yname']}: ${shown(along(grid.y, j, grid.rows), this.Y.span / 10)}`);
+    if (!Number.isFinite(value)) return [...rows, 'no value here'];
+    if (grid.what !== '' || grid.kinds === null) rows.push(`${grid.what || 'value'}: ${five(value)} ${grid.unit}`.trimEnd());
+    const kind = grid.kinds === null ? undefined : grid.names[grid.kinds[j * grid.columns + i]!];
+    if (kind) rows.push(kind);
+    return rows;
+  }
+
+  /** The nearest line or dot, and the areas: positions to what a pixel tells. */
+  private readPlane(x: number, y: number, e: MouseEvent): string[] {
+    let best = 8, at: Pair = [x, y], name: string | null = null; // px
+    const near = (p: Pair, what: string): void => {
+      const off = Math.hypot(p[0] - x, p[1] - y);
+      if (!(off < best)) return;
+      best = off;
+      at = p;
+      name = what;
+    };
+    for (const curve of this.curves) {
+      for (const run of curve.runs) {
+        for (let i = 1; i < run.length; ++i) {
+          const [ax, ay] = run[i - 1] as Pair, [bx, by] = run[i] as Pair;
+          const length = (bx - ax) ** 2 + (by - ay) ** 2;
+          const t = length > 0 ? Math.max(0, Math.min(1, ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / length)) : 0;
+          near([ax + t * (bx - ax), ay + t * (by - ay)], curve.name);
+        }
+      }
+    }
+    for (const path of this.svg.querySelectorAll<SVGPathElement>('path[data-dots]')) {
+      for (const dot of (path.getAttribute('d') ?? '').split('M').filter(Boolean)) near(dot.split(' ').map(parseFloat) as Pair, path.dataset['dots'] ?? '');
+    }
+    const pixel = 1000 * Math.abs(this.X.back(1) - this.X.back(0));
+    const rows = [`${this.title}: ${shown(this.X.back(at[0]), pixel / 10)}`, `${this.svg.dataset['yname']}: ${shown(this.Y.back(at[1]), pixel / 10)}`];
+    if (name) rows.unshift(name);
+    const areas = document.elementsFromPoint(e.clientX, e.clientY).map((part) => (part as SVGElement).dataset?.['area']).filter((area): area is string => !!area);
+    return [...rows, ...new Set(areas)];
+  }
+
+  /** Least, greatest and mean of each curve over a stretch. */
+  over(from: number, to: number): string[] {
+    const unit = this.svg.dataset['unit'] ?? '';
+    return this.curves.flatMap((curve) => {
+      const inside = (curve.values ?? []).filter(([x, y]) => x >= from && x <= to && Number.isFinite(y)).map(([, y]) => y);
+      if (inside.length === 0) return [];
+      const low = Math.min(...inside), high = Math.max(...inside);
+      return [`${curve.name}: ${five(low)} to ${five(high)} ${unit}`];
+    });
+  }
+
+  /** A mark over a part of the x axis, behind the curves. */
+  mark(from: number, to: number, name: string): SVGRectElement {
+    const mark = document.createElementNS(this.svg.namespaceURI, 'rect') as SVGRectElement;
+    const a = this.X(Math.max(from, this.X.low)), b = this.X(Math.min(to, this.X.high));
+    mark.setAttribute('x', String(Math.min(a, b)));
+    mark.setAttribute('width', String(Math.max(1, Math.abs(b - a))));
+    mark.setAttribute('y', String(this.Y.to));
+    mark.setAttribute('height', String(this.Y.from - this.Y.to));
+    mark.setAttribute('class', name);
+    this.svg.prepend(mark);
+    return mark;
+  }
+}
+
+/** What every plot of the page shows: values under the pointer, cursors of what plays, stretches. */
+export function readPlots(tip: Tip): Plot[] {
+  const plots = [...document.querySelectorAll<SVGSVGElement>('svg[data-plot]')].map((svg) => new Plot(svg));
+  for (const plot of plots) {
+    const { svg } = plot;
+    svg.addEventListener('pointermove', (e) => {
+      if (dragging !== null) return;
+      const rows = plot.read(e);
+      if (rows.length > 0) tip.show(rows, e.clientX, e.clientY);
+      else tip.hide();
+    });
+    svg.addEventListener('pointerleave', () => tip.hide());
+    if (plot.hasAxis) drags(plot, plots, tip);
+  }
+  for (const part of document.querySelectorAll<SVGElement>('svg:not([data-plot]) [data-tip]')) {
+    part.addEventListener('pointermove', (e) => tip.show([part.dataset['tip'] ?? ''], e.clientX, e.clientY));
+    part.addEventListener('pointerleave', () => tip.hide());
+  }
+  document.addEventListener('keydown', (e) => {
+    if (e.key === 'Escape') choose(null, plots);
+  });
+  return plots;
+}
+
+let dragging: Plot | null = null;
+const marks: Element[] = [];
+function choose(stretch: Stretch | null, plots: Plot[]): void {
+  for (const mark of marks.splice(0)) mark.remove();
+  if (stretch !== null) {
+    for (const plot of plots) {
+      if (!plot.hasAxis || plot.title !== stretch.title || stretch.to < plot.X.low || stretch.from > plot.X.high) continue;
+      marks.push(plot.mark(stretch.from, stretch.to, 'stretch'));
+      if (plot.svg.closest('.narrow')) continue;
+      const told = document.createElement('p');
+      told.className = 'stretch';
+      told.setAttribute('role', 'status');
+      const ends = [stretch.from, stretch.to].map((v) => shown(v, plot.X.span / 10)).join(' to ');
+      told.textContent = [`${stretch.title}: ${ends}`, ...plot.over(stretch.from, stretch.to)].join('; ') + '. ';
+      const clear = document.createElement('button');
+      clear.type = 'button';
+      clear.textContent = 'Clear';
+      clear.addEventListener('click', () => choose(null, plots));
+      told.append(clear);
+      (plot.svg.closest('.wide') ?? plot.svg).after(told);
+      marks.push(told);
+    }
+  }
+  document.dispatchEvent(new CustomEvent('polypod:stretch', { detail: stretch }));
+}
+
+/** Dragging along the x axis chooses a stretch; a click leaves it. */
+function drags(plot: Plot, plots: Plot[], tip: Tip): void {
+  const { svg } = plot;
+  let from: number | null = null, mark: Element | null = null, start = 0;
+  const within = (e: MouseEvent): number => plot.X.back(Math.max(plot.X.from, Math.min(plot.X.to, plot.at(e)[0])));
+  const end = (): void => {
+    mark?.remove();
+    mark = null;
+    from = null;
+    dragging = null;
+  };
+  svg.addEventListener('pointerdown', (e) => {
+    if (e.button !== 0 || e.pointerType === 'touch') return;
+    from = plot.valueAt(e);
+    start = e.clientX;
+  });
+  svg.addEventListener('pointermove', (e) => {
+    if (from === null || (dragging === null && Math.abs(e.clientX - start) < 5)) return;
+    if (dragging === null) {
+      dragging = plot;
+      svg.setPointerCapture(e.pointerId);
+    }
+    const to = within(e);
+    mark?.remove();
+    mark = plot.mark(Math.min(from, to), Math.max(from, to), 'stretch');
+    tip.show([`${plot.title}: ${[Math.min(from, to), Math.max(from, to)].map((v) => shown(v, plot.X.span / 10)).join(' to ')}`], e.clientX, e.clientY);
+  });
+  svg.addEventListener('pointerup', (e) => {
+    if (dragging !== plot || from === null) {
+      from = null;
+      return;
+    }
+    const to = within(e), low = Math.min(from, to), high = Math.max(from, to);
+    const lines = plot.parts.filter((p) => Number.isFinite(p.line) && p.to >= low && p.from <= high).map((p) => p.line);
+    end();
+    tip.hide();
+    // The click that ends a drag picks nothing.
+    svg.addEventListener('click', (click) => click.stopImmediatePropagation(), { capture: true, once: true });
+    choose({ title: plot.title, from: low, to: high, lines: [...new Set(lines)] }, plots);
+  });
+  svg.addEventListener('pointercancel', end);
+}
