@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "machine_lines.hpp"
+#include "moving_machine.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/design/optimize.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -463,8 +464,8 @@ class Page {
     }
   }
 
-  /// The machine and its workspace in space.
-  [[nodiscard]] Result<report::Figure> picture(const machine::AnyMachine& m, const std::string& title) const {
+  /// The machine and its workspace in space, with sliders for its pose and joints.
+  Status picture(const machine::AnyMachine& m, const std::string& title, const std::string& caption) {
     report::Scene scene;
     scene.title = title;
     const workspace::Options options = design::workspace_options(study_);
@@ -480,9 +481,19 @@ class Page {
     } else if (surface.error().id == "WS110") {
       return tl::unexpected(surface.error());
     }
-    scene.lines = machine_at(m, start_pose(m)).lines;
-    if (kinematics::hangs_down(m)) hang(scene);
-    return report::Figure(scene);
+    const MachineAt start = machine_at(m, start_pose(m));
+    scene.lines = start.lines;
+    report::Scene turns = scene;
+    add_poses(turns, turns.lines.size(), m, start,
+              std::clamp(1.2 * options.directions.tilt, units::from_deg(10), units::from_deg(60)));
+    const bool hangs = kinematics::hangs_down(m);
+    if (hangs) {
+      hang(scene);
+      hang(turns);
+    }
+    report_.add_heading(title);
+    report_.add_scene(scene, caption + (hangs ? " The base is above: z of the machine points down." : ""), &turns);
+    return {};
   }
 
   Status machines() {
@@ -498,13 +509,11 @@ class Page {
     report_.add_section("The machine and its workspace");
     const auto machine = design::machine_of_row(study_, *best_);
     if (!machine) return {};
-    POLYPOD_ASSIGN(before, picture(study_.start, "The start and its workspace"));
-    POLYPOD_ASSIGN(now, picture(*machine, "The best machine and its workspace"));
-    report_.add_figure_grid(
-        2, {{"start", before}, {"best", now}},
-        std::string("The machine and the boundary of the workspace, each at its own scale. A "
-                    "workspace that the grid of the picture does not meet is not drawn.") +
-            (kinematics::hangs_down(*machine) ? " The base is above: z of the machine points down." : ""));
+    const std::string caption =
+        "The machine and the boundary of its workspace. A workspace that the grid of the picture does not meet is not "
+        "drawn.";
+    POLYPOD_TRY(picture(study_.start, "The start", caption));
+    POLYPOD_TRY(picture(*machine, "The best machine", caption));
     report_.add_code("The best machine as a file", machine::to_toml(*machine));
     return {};
   }
