@@ -112,7 +112,12 @@ report::PathPlot picture(const CellResult& r, const View& view, bool dimensions)
     out.lines.push_back(std::move(slots));
   }
   if (!dimensions) return out;
-  // Overall dimensions and those of the guards, below and at the left.
+  if (view.eye.z() > 0.5) {
+    const std::vector<Standing> all = all_standing(r.cell);
+    for (std::size_t k = 0; k < all.size(); ++k)
+      out.markers.push_back({std::to_string(k + 1), seen(view, all[k].at), Colour::vermillion});
+  }
+  // Overall dimensions, below and at the left; those of the machines above and at the right.
   const report::Point low = seen(view, r.layout.low), high = seen(view, r.layout.high);
   const double x0 = std::min(low.x, high.x), x1 = std::max(low.x, high.x), y0 = std::min(low.y, high.y),
                y1 = std::max(low.y, high.y);
@@ -137,6 +142,30 @@ report::PathPlot picture(const CellResult& r, const View& view, bool dimensions)
   }
   return out;
 }
+
+/// The table of coordinates as a picture, for the drawing.
+struct TablePicture {
+  std::vector<std::vector<std::string>> rows;
+
+  std::string operator()(const report::Canvas& canvas) const {
+    constexpr double kRow = 17, kTop = 16;
+    constexpr std::array<double, 10> kAt{0.035, 0.05, 0.32, 0.55, 0.62, 0.69, 0.77, 0.84, 0.91, 0.99};
+    std::string body;
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      const double y = kTop + kRow * static_cast<double>(i);
+      for (std::size_t k = 0; k < rows[i].size(); ++k) {
+        const bool words = k == 1 || k == 2;
+        body +=
+            fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"{}{}\" font-size=\"11\">{}</text>\n",
+                        kAt[k] * canvas.width, y, i == 0 ? "q" : "t", words ? "" : " e", report::escape(rows[i][k]));
+      }
+    }
+    return fmt::format(
+        "<svg class=\"pp\" viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" height=\"{1:.0f}\" role=\"img\" "
+        "aria-label=\"Coordinates and sizes\">\n{2}</svg>\n",
+        canvas.width, kTop + kRow * static_cast<double>(rows.size()), body);
+  }
+};
 
 // The Gantt chart -----------------------------------------------------------------------------------------------------
 
@@ -338,6 +367,14 @@ void layout_section(report::Report& page, const CellResult& r) {
   for (const View& view : plane_views())
     page.add_figure(picture(r, view, true), fmt::format("Seen from the {}{}.", view.name,
                                                         std::string(view.name) == "top" ? ", the front below" : ""));
+  const std::vector<std::vector<std::string>> places = coordinate_table(r.cell);
+  report::Table where;
+  where.caption =
+      "Coordinates and sizes, mm and deg; the numbers are those in the view from the top. Of bodies and guards the "
+      "middle, of machines where their base is; z of a guard is the floor. The origin is that of the cell.";
+  for (const std::string& head : places.front()) where.columns.push_back({head, "", -1});
+  for (std::size_t k = 1; k < places.size(); ++k) where.rows.emplace_back(places[k].begin(), places[k].end());
+  page.add_table(where);
   if (!r.layout.conflicts.empty()) {
     report::Table table;
     table.caption = "Where machines share space. An interlock lets one in at a time.";
@@ -623,6 +660,21 @@ void safety_section(report::Report& page, const CellResult& r) {
 
 }  // namespace
 
+std::vector<std::vector<std::string>> coordinate_table(const cell::Cell& cell) {
+  std::vector<std::vector<std::string>> out{
+      {"no.", "name", "kind", "x", "y", "z", "length", "width", "height", "turned"}};
+  const std::vector<Standing> all = all_standing(cell);
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const Standing& s = all[k];
+    std::vector<std::string> row{std::to_string(k + 1), s.name, s.kind};
+    for (const double x : s.at) row.push_back(plain(to_mm(x)));
+    for (const double x : s.size) row.push_back(x > 0 ? plain(to_mm(x)) : "");
+    row.push_back(plain(units::to_deg(s.turn)));
+    out.push_back(std::move(row));
+  }
+  return out;
+}
+
 std::string cell_events_csv(const CellResult& result) {
   report::Csv csv({"time_s", "step", "who", "what", "detail"});
   if (result.simulated()) {
@@ -640,6 +692,8 @@ std::string cell_drawing(const CellResult& result) {
   grid.columns = 2;
   for (const View& view : plane_views()) grid.panels.emplace_back(view.name, picture(result, view, true));
   grid.panels.emplace_back("isometric", picture(result, isometric(), false));
+  grid.panels.emplace_back("coordinates and sizes, mm and deg (numbers: view from the top)",
+                           TablePicture{coordinate_table(result.cell)});
   return report::standalone_svg(grid, 1600);
 }
 

@@ -202,6 +202,15 @@ void draw(Drawing& out, const CellResult& r, const View& view, bool plane) {
   if (!plane) return;
   for (const cell::Conveyor& c : r.cell.conveyors) out.text(kTexts, see(c.point(c.length / 2, 0)), kHeight, c.name);
   for (const cell::Machine& m : r.cell.machines) out.text(kTexts, see(m.X_CM.p), kHeight, m.name);
+  if (from_above) {
+    const std::vector<Standing> all = all_standing(r.cell);
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      Point at = see(all[k].at);
+      at.y -= 1.6 * kHeight;  // below the name
+      out.circle(kTexts, at, kHeight);
+      out.text(kTexts, {at.x, at.y - kHeight / 2}, kHeight, std::to_string(k + 1));
+    }
+  }
   const Point low = see(r.layout.low), high = see(r.layout.high);
   const double x0 = std::min(low.x, high.x), x1 = std::max(low.x, high.x), y0 = std::min(low.y, high.y),
                y1 = std::max(low.y, high.y);
@@ -244,6 +253,14 @@ std::string cell_dxf(const CellResult& result) {
   out.origin = {middles[3].x, middles[4].y};
   out.text(kTexts, {0, 0}, 90, result.cell.name);
   out.text(kTexts, {0, -150}, 60, "dimensions in mm, first-angle projection");
+  // The table of coordinates, below all views.
+  const std::vector<std::vector<std::string>> table = coordinate_table(result.cell);
+  constexpr std::array<double, 10> kAt{0, 700, 1900, 2700, 3050, 3400, 3800, 4150, 4500, 4900};  // mm, of the columns
+  constexpr double kRow = 90, kSize = 50;
+  out.origin = {middles[3].x, middles[1].y - size.y() / 2 - gap};
+  for (std::size_t i = 0; i < table.size(); ++i)
+    for (std::size_t k = 0; k < table[i].size(); ++k)
+      if (!table[i][k].empty()) out.text(kTexts, {kAt[k], -kRow * static_cast<double>(i)}, kSize, table[i][k]);
   return out.whole();
 }
 

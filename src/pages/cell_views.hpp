@@ -6,8 +6,10 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <string>
 #include <vector>
 
+#include "polypod/cell/layout.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/geometry/pose.hpp"
 #include "polypod/report/plot.hpp"
@@ -71,5 +73,29 @@ inline std::vector<report::Point> cylinder(const View& view, const Vec3& bottom,
   }
   return hull(std::move(points));
 }
+
+/// What stands in a cell, for the table of coordinates beside its views (ISO 129-1): numbered as in the view from the
+/// top.
+struct Standing {
+  std::string name, kind;
+  Vec3 at = Vec3::Zero();    ///< m in C: the middle of a body, where the base of a machine is, the foot of a guard
+  Vec3 size = Vec3::Zero();  ///< m; 0: none is given
+  double turn = 0;           ///< rad about z
+};
+inline std::vector<Standing> all_standing(const cell::Cell& cell) {
+  std::vector<Standing> out;
+  for (const cell::Machine& m : cell.machines)
+    out.push_back({m.name, "machine", m.X_CM.p, Vec3::Zero(), std::atan2(m.X_CM.R(1, 0), m.X_CM.R(0, 0))});
+  for (const cell::Solid& s : cell::solids(cell)) out.push_back({s.name, s.kind, s.middle, s.size, s.turn});
+  for (const cell::Guard& g : cell.guards) {
+    const Vec3 along = g.to - g.from;
+    out.push_back({g.name, std::string(name_of(g.kind)), (g.from + g.to) / 2, Vec3(along.norm(), 0, g.height),
+                   std::atan2(along.y(), along.x())});
+  }
+  return out;
+}
+/// Number, name, kind, then x, y, z, length, width and height in mm and the turn in deg, as texts; the first row is the
+/// head.
+std::vector<std::vector<std::string>> coordinate_table(const cell::Cell& cell);
 
 }  // namespace polypod::pages
