@@ -30,7 +30,6 @@ using units::to_mm;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kShown = 3;    // problems in frames of their own
 constexpr std::size_t kTable = 300;  // rows of the table of problems
-constexpr std::size_t kSpans = 24;   // lines up to which the curves name them
 
 report::Colour colour_of(int joint) {
   constexpr std::array<report::Colour, 7> kAll{report::Colour::blue,   report::Colour::orange, report::Colour::green,
@@ -48,7 +47,7 @@ std::vector<report::Span> spans_of(const ProgramWalk& walk) {
       out.back().to = p.time;
       continue;
     }
-    if (out.size() >= kSpans) return {};
+    if (out.size() >= report::LinePlot::kMostSpans) return {};
     out.push_back({name, p.time, p.time});
   }
   std::erase_if(out, [](const report::Span& s) { return !(s.to > s.from); });

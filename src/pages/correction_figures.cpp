@@ -32,9 +32,9 @@ using units::to_mm;
 using units::to_um;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr std::size_t kNamedMoves = 14;   // moves that get their line's number
-constexpr std::size_t kShadedMoves = 60;  // moves that are told apart at all
-constexpr std::size_t kShareRows = 12;    // moves whose shares get a bar of their own
+constexpr std::size_t kNamedMoves = 14;  // moves that get an arrow and their line on the path
+constexpr std::size_t kCrowded = 60;     // moves beyond which curves are thinner
+constexpr std::size_t kShareRows = 12;   // moves whose shares get a bar of their own
 constexpr Colour kCommand = Colour::purple;
 
 std::size_t index(int i) {
@@ -71,17 +71,15 @@ Series series_of(std::string name, const std::vector<Dot>& dots, Colour colour, 
 
 std::vector<report::Span> spans_of(const Tracks& tracks) {
   std::vector<report::Span> out;
-  if (tracks.stretches.size() > kShadedMoves) return out;
-  for (const Stretch& s : tracks.stretches) {
-    out.push_back({tracks.stretches.size() <= kNamedMoves ? fmt::format("line {}", s.line) : "", s.from, s.to});
-  }
+  if (tracks.stretches.size() > LinePlot::kMostSpans) return out;
+  for (const Stretch& s : tracks.stretches) out.push_back({fmt::format("line {}", s.line), s.from, s.to});
   return out;
 }
 
 /// Adds a curve, if it has points; thinner where moves crowd.
 void add(LinePlot& plot, const Tracks& tracks, Series series) {
   if (series.x.empty()) return;
-  series.stroke = tracks.stretches.size() > kShadedMoves ? 1.0 : 1.5;
+  series.stroke = tracks.stretches.size() > kCrowded ? 1.0 : 1.5;
   plot.series.push_back(std::move(series));
 }
 
@@ -208,7 +206,7 @@ Overview overview(const Job& job, const Correction& c, const Tracks& tracks) {
     outlines = {{{lo.x(), lo.y()}, {hi.x(), lo.y()}, {hi.x(), hi.y()}, {lo.x(), hi.y()}}};
   }
   for (const auto& outline : outlines) plot.areas.push_back({"stock", outline, Colour::muted});
-  const bool fine = tracks.stretches.size() > kShadedMoves;
+  const bool fine = tracks.stretches.size() > kCrowded;
   const double stroke = fine ? 0.9 : 1.6;
   append(plot.lines, std::move(programmed));
   append(plot.lines, enlarged(c, tracks.before, out.factor,
@@ -504,7 +502,7 @@ PartMap part_map(const Job& job, const Correction& c, const Tracks& tracks) {
   out.y_max = hi.y + air;
   out.z = z;
   // Many moves would hide the map: only the rectangle that they fill.
-  if (tracks.stretches.size() > 4 * kShadedMoves) {
+  if (tracks.stretches.size() > 4 * kCrowded) {
     out.part = {{"", {lo, {hi.x, lo.y}, hi, {lo.x, hi.y}, lo}, Colour::ink, LineStyle::solid, 0.8}};
   }
   const double width = out.x_max - out.x_min, height = out.y_max - out.y_min, longer = std::max(width, height);

@@ -37,7 +37,6 @@ using units::to_um;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr const char* kUm = "µm";
-constexpr std::size_t kSpans = 24;    // lines up to which the plots name them
 constexpr std::size_t kTable = 200;   // rows of a table
 constexpr std::size_t kPath = 20000;  // points of the way from above
 
@@ -46,11 +45,10 @@ report::LinePlot over_time(const Watch& watch, std::string title, std::string la
   plot.title = std::move(title);
   plot.x = {"time", "s", {}, {}, false};
   plot.y = {std::move(label), kUm, {}, {}, true};
-  if (watch.lines.size() > kSpans) return plot;
   for (std::size_t k = 0; k < watch.points.size();) {
     std::size_t end = k;
     while (end < watch.points.size() && watch.points[end].line == watch.points[k].line) ++end;
-    if (plot.spans.size() > 2 * kSpans) {  // lines that come again and again
+    if (plot.spans.size() >= report::LinePlot::kMostSpans) {
       plot.spans.clear();
       return plot;
     }

@@ -22,8 +22,10 @@ using svg::px;
 using svg::Scale;
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kNarrow = 520;  // px: below this pictures are drawn taller
-constexpr double kRight = 14;    // px, margin
+constexpr double kNarrow = 520;           // px: below this pictures are drawn taller
+constexpr double kRight = 14;             // px, margin
+constexpr std::size_t kNamedSpans = 24;   // parts of an axis that get their names above the plot
+constexpr std::size_t kShadedSpans = 60;  // parts that are told apart at all
 
 /// Grows over the finite numbers that it is given.
 struct Range {
@@ -172,7 +174,8 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
     picture.text(2, top + 13, y_label, "q");
     top += 20;
   }
-  const bool spans_named = std::any_of(spans.begin(), spans.end(), [](const Span& s) { return !s.name.empty(); });
+  const bool spans_named = spans.size() <= kNamedSpans &&
+                           std::any_of(spans.begin(), spans.end(), [](const Span& s) { return !s.name.empty(); });
   top += spans_named ? 20 : 6;
   const double bottom = top + plot_height, right = picture.width - kRight;
   const Scale X{xr.lo, xr.hi, left, right}, Y{yr.lo, yr.hi, bottom, top};
@@ -180,7 +183,7 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
   for (std::size_t i = 0; i < spans.size(); ++i) {
     const double a = std::clamp(X(std::min(spans[i].from, spans[i].to)), left, right);
     const double b = std::clamp(X(std::max(spans[i].from, spans[i].to)), left, right);
-    if (i % 2 == 0) {
+    if (i % 2 == 0 && spans.size() <= kShadedSpans) {
       picture.body += fmt::format("<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" class=\"shade\"/>\n", px(a),
                                   px(top), px(b - a), px(plot_height));
     }
@@ -234,15 +237,15 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
   }
   for (const Span& s : spans) {
     const double a = std::max(left, X(std::min(s.from, s.to))), b = std::min(right, X(std::max(s.from, s.to)));
-    if (b - a > svg::text_width(s.name, svg::kSmallFont) + 8) {
+    if (spans_named && b - a > svg::text_width(s.name, svg::kSmallFont) + 8) {
       picture.text((a + b) / 2, top - 5, s.name, "q m", svg::kSmallFont);
     }
   }
   // Parts of the x axis with a name: the script shows a part in all curves when it is picked in one.
   std::string parts;
   for (const Span& s : spans)
-    if (!s.name.empty())
-      parts += fmt::format("{}{}:{:.9g}:{:.9g}", parts.empty() ? "" : ";", escape(s.name), s.from, s.to);
+    if (!s.name.empty() && !canvas.again && spans.size() <= LinePlot::kMostSpans)
+      parts += fmt::format("{}{}:{:.7g}:{:.7g}", parts.empty() ? "" : ";", escape(s.name), s.from, s.to);
   return picture.finish(bottom + (x_label.empty() ? 24 : 42),
                         svg::scales_of("curves", X, Y, x_label, y_label, y.unit) +
                             (parts.empty() ? "" : fmt::format(" data-spans=\"{}\"", parts)));

@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <limits>
 #include <regex>
 #include <set>
@@ -50,6 +52,36 @@ std::vector<Point> read_off(const std::string& svg, const std::string& name) {
         {X[0] + (x - X[2]) / (X[3] - X[2]) * (X[1] - X[0]), Y[0] + (y - Y[2]) / (Y[3] - Y[2]) * (Y[1] - Y[0])});
   }
   return points;
+}
+
+/// The bytes of the first attribute of this name, from base64.
+std::vector<std::uint8_t> bytes_in(const std::string& svg, const std::string& key) {
+  const std::string start = " " + key + "=\"";
+  const std::size_t from = svg.find(start);
+  if (from == std::string::npos) return {};
+  std::vector<std::uint8_t> out;
+  std::uint32_t bits = 0;
+  int count = 0;
+  for (std::size_t i = from + start.size(); svg[i] != '"' && svg[i] != '='; ++i) {
+    const char c = svg[i];
+    const int digit = c >= 'A' && c <= 'Z'   ? c - 'A'
+                      : c >= 'a' && c <= 'z' ? c - 'a' + 26
+                      : c >= '0' && c <= '9' ? c - '0' + 52
+                      : c == '+'             ? 62
+                                             : 63;
+    bits = bits << 6 | static_cast<std::uint32_t>(digit);
+    count += 6;
+    if (count < 8) continue;
+    count -= 8;
+    out.push_back(static_cast<std::uint8_t>(bits >> count & 255U));
+  }
+  return out;
+}
+std::vector<float> floats_in(const std::string& svg, const std::string& key) {
+  const std::vector<std::uint8_t> bytes = bytes_in(svg, key);
+  std::vector<float> out(bytes.size() / sizeof(float));
+  if (!out.empty()) std::memcpy(out.data(), bytes.data(), out.size() * sizeof(float));
+  return out;
 }
 
 TEST(Number, SensibleDigits) {
@@ -133,7 +165,15 @@ TEST(LinePlot, ThinningKeepsPeaksAndEnds) {
   s.y[54'321] = -7;
   plot.series = {s};
   const std::string svg = plot(kCanvas);
-  EXPECT_LT(svg.size(), 60'000u);
+  EXPECT_LT(svg.size(), 120'000u) << "a line of 800 columns, and the values of its points";
+  const std::vector<float> values = floats_in(svg, "data-f");
+  ASSERT_GT(values.size(), 1000u);
+  bool most = false, least_of_all = false;
+  for (std::size_t i = 0; i + 1 < values.size(); i += 2) {
+    most = most || (values[i] == 123'456.0F && values[i + 1] == 9.0F);
+    least_of_all = least_of_all || (values[i] == 54'321.0F && values[i + 1] == -7.0F);
+  }
+  EXPECT_TRUE(most && least_of_all) << "what is read under the pointer are values of the series, not of the drawing";
   const auto points = read_off(svg, "s");
   ASSERT_FALSE(points.empty());
   double least = 0, greatest = 0, at = 0;
@@ -190,6 +230,21 @@ TEST(LinePlot, BandsLevelsAndSpansAreNamed) {
        {">after<", ">tube<", ">mean<", ">corner<", ">side 1<", ">side 2<", ">error, um<", ">s, mm<"}) {
     EXPECT_THAT(svg, HasSubstr(text));
   }
+}
+
+TEST(LinePlot, ManySpansArePickedButNeitherShadedNorNamed) {
+  LinePlot plot;
+  plot.series = {{"s", {0, 100}, {0, 1}}};
+  for (int i = 0; i < 100; ++i) plot.spans.push_back({"line " + std::to_string(i + 1), double(i), double(i + 1)});
+  const std::string svg = plot(kCanvas);
+  EXPECT_THAT(svg, HasSubstr(";line 100:99:100\""));
+  EXPECT_THAT(svg, Not(HasSubstr("class=\"shade\"")));
+  EXPECT_THAT(svg, Not(HasSubstr(">line 1<")));
+  EXPECT_THAT(plot(Canvas{300, "t", true}), Not(HasSubstr("data-spans")));
+  plot.spans.resize(20);
+  EXPECT_THAT(plot(kCanvas), HasSubstr("class=\"shade\""));
+  plot.spans.assign(LinePlot::kMostSpans + 1, {"line 1", 0, 1});
+  EXPECT_THAT(plot(kCanvas), Not(HasSubstr("data-spans")));
 }
 
 TEST(PathPlot, ScalesAreEqual) {
@@ -277,6 +332,34 @@ HeatMap ramp() {
   for (int j = 0; j < 6; ++j)
     for (int i = 0; i < 11; ++i) map.values.push_back(i);
   return map;
+}
+
+TEST(HeatMap, HoldsTheValuesThatAreReadUnderThePointer) {
+  HeatMap map = ramp();
+  map.values[13] = kNaN;
+  map.min = 1;
+  map.blank_below = true;
+  map.clip = {{{0, 0}, {100, 0}, {100, 25}, {0, 25}}};
+  map.kinds = {"legs", "joints"};
+  map.kind.assign(map.values.size(), 1);
+  const std::string svg = map(kCanvas);
+  EXPECT_THAT(svg, HasSubstr(" data-plot=\"map\""));
+  EXPECT_THAT(svg, HasSubstr(" data-grid=\"11 6 0 100 0 50\" data-value=\"C\""));
+  EXPECT_THAT(svg, HasSubstr(" data-kinds=\"legs;joints\""));
+  const std::vector<float> values = floats_in(svg, "data-f");
+  const std::vector<std::uint8_t> kinds = bytes_in(svg, "data-k");
+  ASSERT_EQ(values.size(), map.values.size());
+  ASSERT_EQ(kinds.size(), map.values.size());
+  for (std::size_t n = 0; n < values.size(); ++n) {
+    const double x = 10.0 * static_cast<double>(n % 11), y = 10.0 * static_cast<double>(n / 11);
+    if (x == 0 || x == 100 || y == 0) continue;  // on the clip itself
+    const bool drawn = n != 13 && x >= 10 && y < 25;
+    EXPECT_EQ(std::isfinite(values[n]), drawn) << "at " << x << ", " << y;
+    if (drawn) EXPECT_FLOAT_EQ(values[n], static_cast<float>(map.values[n]));
+    EXPECT_EQ(kinds[n], drawn ? 1 : 255);
+  }
+  const std::string again = map(Canvas{300, "t", true});
+  EXPECT_THAT(again, Not(HasSubstr("data-f"))) << "the wide drawing beside it holds them";
 }
 
 TEST(HeatMap, ContoursLieWhereTheValueIs) {
@@ -404,7 +487,7 @@ TEST(Histogram, SharesAddUpToAHundredPerCent) {
   histogram.bins = 4;
   histogram.samples = {{"s", {0.5, 1.5, 1.6, 1.7, 4.0, kNaN}}};  // shares 20, 60, 0, 20 per cent
   const std::string svg = histogram(kCanvas);
-  const std::regex outline("<path d=\"(M[^\"]*)\" class=\"l\"/>");
+  const std::regex outline("<path d=\"(M[^\"]*)\" class=\"l\" data-name");
   std::smatch match;
   ASSERT_TRUE(std::regex_search(svg, match, outline));
   std::vector<double> heights;
@@ -421,6 +504,7 @@ TEST(Histogram, SharesAddUpToAHundredPerCent) {
   ASSERT_EQ(heights.size(), 3u);
   EXPECT_NEAR(heights[1] / heights[0], 3, 0.02);
   EXPECT_NEAR(heights[2] / heights[0], 1, 0.02) << "the largest value belongs to the last bin";
+  EXPECT_THAT(svg, HasSubstr("0.5,20;1.5,60;2.5,0;3.5,20")) << "middle and share of each bin";
 }
 
 TEST(Histogram, WithoutValuesDraws) {
@@ -442,6 +526,7 @@ TEST(BarChart, PartsAreAsLongAsTheirValues) {
   EXPECT_NEAR(widths[1] / widths[0], 3, 0.01);
   EXPECT_NEAR(widths[2] / widths[0], 2, 0.01);
   EXPECT_THAT(svg, HasSubstr(">40.0 um<"));
+  EXPECT_THAT(svg, HasSubstr("data-tip=\"row, b: 30.000 um\""));
 }
 
 TEST(BarChart, LongLabelsStandAboveTheirBars) {

@@ -154,7 +154,7 @@ export class Plot {
     this.title = svg.dataset['label'] ?? '';
     this.X = scaleOf(svg.dataset['x']);
     this.Y = scaleOf(svg.dataset['y']);
-    this.parts = (svg.dataset['spans'] ?? '').split(';').filter(Boolean).map((part) => {
+    this.parts = (holder(svg).dataset['spans'] ?? '').split(';').filter(Boolean).map((part) => {
       const [name, from, to] = part.split(':');
       return { name: name ?? '', line: Number(/^line (\d+)$/.exec(name ?? '')?.[1] ?? NaN), from: Number(from), to: Number(to) };
     });

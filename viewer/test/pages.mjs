@@ -240,6 +240,69 @@ async function curvesHoldTheFigures(name, file) {
   await context.close();
 }
 
+/** Dragging over a curve selects a stretch: least and greatest of its figures there. */
+async function stretches(name, file) {
+  const [head, ...rows] = readFileSync(`${file}.csv`, 'utf8').trim().split('\n').map((line) => line.split(','));
+  const column = (title) => rows.map((row) => Number(row[head.indexOf(title)]));
+  const time = column('t_s'), speed = column('q1_deg_per_s');
+  const { context, page, seen } = await open(file);
+  const svg = page.locator('.wide svg[aria-label^="speed of the drives"]');
+  await svg.scrollIntoViewIfNeeded();
+  const box = await svg.boundingBox();
+  const [low, high, left, right] = (await svg.getAttribute('data-x')).split(' ').map(Number);
+  const width = await svg.evaluate((e) => e.viewBox.baseVal.width);
+  const place = (k) => box.x + ((left + ((time[k] - low) / (high - low)) * (right - left)) * box.width) / width;
+  const [a, b] = [40, 333];
+  await page.mouse.move(place(a), box.y + box.height / 2);
+  await page.mouse.down();
+  await page.mouse.move(place(200), box.y + box.height / 2);
+  await page.mouse.move(place(b), box.y + box.height / 2);
+  await page.mouse.up();
+  const told = await page.locator('figure', { has: svg }).locator('p.stretch').innerText();
+  const [least, greatest] = (/drive 1: ([-+.0-9e]+) to ([-+.0-9e]+)/.exec(told) ?? []).slice(1).map(Number);
+  const inside = speed.slice(a + 2, b - 1), wide = speed.slice(a - 2, b + 3);
+  check(name, least <= Math.min(...inside) + 1e-3 && least >= Math.min(...wide) - 1e-3, `least ${least}, the table says ${Math.min(...inside)}: ${told}`);
+  check(name, greatest >= Math.max(...inside) - 1e-2 && greatest <= Math.max(...wide) + 1e-2, `greatest ${greatest}, the table says ${Math.max(...inside)}: ${told}`);
+  check(name, (await page.locator('.wide rect.stretch').count()) > 2, 'the stretch does not show in the other curves');
+  await page.keyboard.press('Escape');
+  check(name, (await page.locator('.stretch').count()) === 0, 'Escape leaves the stretch');
+  check(name, seen.messages.length === 0, `the console says: ${seen.messages.join(' | ')}`);
+  await context.close();
+}
+
+/** The pointer on a map reads the value of the nearest point of its grid, at both widths, and the map is saved as a table. */
+async function mapsHoldTheirValues(name, file) {
+  for (const width of [1200, 390]) {
+    const { context, page, seen } = await open(file, { viewport: { width, height: 900 } });
+    const svg = page.locator('svg[data-plot=map]:visible').first();
+    await svg.scrollIntoViewIfNeeded();
+    // A point of the grid with a value, by a reading of the attributes that is not the page's own.
+    const at = await svg.evaluate((e) => {
+      const from = e.closest('.narrow') ? e.closest('figure').querySelector('.wide svg') : e;
+      const [columns, rows, x0, x1, y0, y1] = from.dataset.grid.split(' ').map(Number);
+      const values = new Float32Array(Uint8Array.from(atob(from.dataset.f), (c) => c.charCodeAt(0)).buffer);
+      const n = values.findIndex((v, k) => Number.isFinite(v) && k > values.length / 2);
+      const X = e.dataset.x.split(' ').map(Number), Y = e.dataset.y.split(' ').map(Number);
+      const x = x0 + ((n % columns) / (columns - 1)) * (x1 - x0), y = y0 + (Math.floor(n / columns) / (rows - 1)) * (y1 - y0);
+      const box = e.getBoundingClientRect(), scale = box.width / e.viewBox.baseVal.width;
+      const px = X[2] + ((x - X[0]) / (X[1] - X[0])) * (X[3] - X[2]), py = Y[2] + ((y - Y[0]) / (Y[1] - Y[0])) * (Y[3] - Y[2]);
+      return { x: box.left + px * scale, y: box.top + py * scale, value: values[n], count: values.filter(Number.isFinite).length };
+    });
+    await page.mouse.move(at.x, at.y);
+    const told = (await page.locator('#tip').innerText()).split('\n');
+    const read = told.map((row) => Number(/: ([-+.0-9e]+)/.exec(row)?.[1]));
+    check(name, read.some((v) => Math.abs(v - at.value) <= 1e-4 * Math.abs(at.value)), `at ${width} px the pointer reads ${told.join(', ')} where ${at.value} is`);
+    if (width === 1200) {
+      const waiting = page.waitForEvent('download');
+      await svg.locator('xpath=following-sibling::*[1]').locator('button', { hasText: 'CSV' }).click();
+      const rows = readFileSync(await (await waiting).path(), 'utf8').trim().split('\n');
+      check(name, rows.length === at.count + 1, `its table has ${rows.length - 1} rows for ${at.count} values`);
+    }
+    check(name, seen.messages.length === 0, `the console says: ${seen.messages.join(' | ')}`);
+    await context.close();
+  }
+}
+
 /** A line of the program that is picked in the table shows in the curves and in the scene, and the other way round. */
 async function linesArePicked(name, file) {
   const { context, page } = await open(file);
@@ -479,6 +542,8 @@ try {
     check(name, statSync(file).size < 2e6, `it has ${statSync(file).size} bytes`);
     await step(`${name}: look`, () => look(name, file, hasScene));
     if (name === 'pick') await step(`${name}: curves`, () => curvesHoldTheFigures(name, file));
+    if (name === 'pick') await step(`${name}: stretch`, () => stretches(name, file));
+    if (name === 'dexterity') await step(`${name}: maps`, () => mapsHoldTheirValues(name, file));
     if (name === 'correct') await step(`${name}: lines`, () => linesArePicked(name, file));
     const along = 'along the moves that cut, mm';
     if (name === 'check' || name === 'misfit') {

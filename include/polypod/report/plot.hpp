@@ -65,7 +65,8 @@ struct Level {
   Colour colour = Colour::muted;
 };
 
-/// A part of the x axis with a name, e.g. one move: every second one is shaded.
+/// A part of the x axis with a name, e.g. one move: every second one is shaded and each has its name above the plot
+/// where they are few; more (up to LinePlot::kMostSpans) are picked and read under the pointer alone.
 struct Span {
   std::string name;
   double from = 0, to = 0;
@@ -82,6 +83,7 @@ struct LinePlot {
   std::vector<Level> x_levels;  ///< at values of x
   std::vector<Span> spans;
   double aspect = 0.36;  ///< height over width, of the wide drawing; narrow ones are a little taller
+  static constexpr std::size_t kMostSpans = 2000;
 
   std::string operator()(const Canvas& canvas) const;
 };
