@@ -52,6 +52,7 @@ report::PathPlot picture(const CellResult& r, const View& view, bool dimensions)
   out.x_label = view.right_label;
   out.y_label = view.up_label;
   out.max_aspect = 0.75;
+  const bool numbered = dimensions && view.eye.z() > 0.5;  // with numbers instead of names
   struct Shape {
     double near;  // m, towards the eye
     std::string kind;
@@ -99,12 +100,12 @@ report::PathPlot picture(const CellResult& r, const View& view, bool dimensions)
       for (const Vec3& p : part.points) line.points.push_back(seen(view, machine.X_CM * p));
       out.lines.push_back(std::move(line));
     }
-    out.markers.push_back({machine.name, seen(view, machine.X_CM.p), Colour::blue});
+    if (!numbered) out.markers.push_back({machine.name, seen(view, machine.X_CM.p), Colour::blue});
   }
   for (const cell::Conveyor& c : r.cell.conveyors) {
     out.arrows.push_back(
         {"belts", seen(view, c.point(0.1 * c.length, 0)), seen(view, c.point(0.9 * c.length, 0)), Colour::ink});
-    out.markers.push_back({c.name, seen(view, c.point(0.5 * c.length, 0)), Colour::ink});
+    if (!numbered) out.markers.push_back({c.name, seen(view, c.point(0.5 * c.length, 0)), Colour::ink});
   }
   for (const cell::Spot& s : r.cell.spots) {
     report::Polyline slots{"places of the gripper", {}, Colour::vermillion, report::LineStyle::points, 2};
@@ -112,7 +113,7 @@ report::PathPlot picture(const CellResult& r, const View& view, bool dimensions)
     out.lines.push_back(std::move(slots));
   }
   if (!dimensions) return out;
-  if (view.eye.z() > 0.5) {
+  if (numbered) {
     const std::vector<Standing> all = all_standing(r.cell);
     for (std::size_t k = 0; k < all.size(); ++k)
       out.markers.push_back({std::to_string(k + 1), seen(view, all[k].at), Colour::vermillion});

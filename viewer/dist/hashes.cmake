@@ -1,3 +1,3 @@
 set(page_sha256 zRUpxcWODcFmxyHefPkvXkGRGx9kfGD9MBhmob5K2rM=)
 set(live_sha256 GPqygFZlffx01PPg0zPjcsTSjg6Rm1R7mgacmqOb54g=)
-set(viewer_sha256 3SJJuBVxtPSmazyhN5Cz0QbCJhozJFMhjBjiKhoG+Xo=)
+set(viewer_sha256 QmP3LcQq0KpPHZVW8AG0vLmz4l77JwHSJ7p8k/VNHuI=)

@@ -1,12 +1,11 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Lines and dots of a scene. Their points may come from frames, and may be moved off by a factor.
 
-import { BufferAttribute, BufferGeometry, Color, type Object3D, Points, type ShaderMaterial } from 'three';
-import { LineMaterial } from 'three/examples/jsm/lines/LineMaterial.js';
-import { LineSegments2 } from 'three/examples/jsm/lines/LineSegments2.js';
-import { LineSegmentsGeometry } from 'three/examples/jsm/lines/LineSegmentsGeometry.js';
+import { BufferAttribute, BufferGeometry, type Color, Mesh, type Object3D, Points, type ShaderMaterial, type Vector2 } from 'three';
 import { floats, type LineData } from './data';
-import { dotMaterial } from './materials';
+import { dotMaterial, lineMaterial } from './materials';
+
+const kAway = 1e30; // where nothing is seen
 
 export class Line {
   readonly points: Float32Array; // as they are shown
@@ -14,26 +13,23 @@ export class Line {
   readonly object: Object3D;
   private readonly given: Float32Array;
   private readonly segments: Uint32Array; // pairs of points
-  private readonly material: LineMaterial | ShaderMaterial;
-  private readonly geometry: LineSegmentsGeometry | BufferGeometry;
+  private readonly material: ShaderMaterial;
+  private readonly geometry = new BufferGeometry();
 
   constructor(readonly data: LineData, private readonly colourOf: ((value: number) => Color) | null, pixels: number, points?: Float32Array) {
     this.given = points ?? floats(data.points);
     this.points = this.given.slice();
     this.values = data.value === undefined ? null : floats(data.value);
-    const n = this.points.length / 3;
+    const n = this.points.length / 3, pairs: number[] = [];
+    if (!data.dots) for (let i = 1; i < n; ++i) if (Number.isFinite(this.given[3 * i]!) && Number.isFinite(this.given[3 * i - 3]!)) pairs.push(i - 1, i);
+    this.segments = Uint32Array.from(pairs);
     if (data.dots) {
-      this.segments = new Uint32Array();
-      this.geometry = new BufferGeometry();
       this.material = dotMaterial(2 * data.stroke, pixels);
-      this.object = new Points(this.geometry as BufferGeometry, this.material as ShaderMaterial);
+      this.object = new Points(this.geometry, this.material);
     } else {
-      const pairs: number[] = [];
-      for (let i = 1; i < n; ++i) if (Number.isFinite(this.given[3 * i]!) && Number.isFinite(this.given[3 * i - 3]!)) pairs.push(i - 1, i);
-      this.segments = Uint32Array.from(pairs);
-      this.geometry = new LineSegmentsGeometry();
-      this.material = new LineMaterial({ linewidth: data.stroke, vertexColors: this.values !== null });
-      this.object = new LineSegments2(this.geometry as LineSegmentsGeometry, this.material as LineMaterial);
+      this.material = lineMaterial(data.stroke, this.values !== null);
+      this.object = new Mesh(this.geometry, this.material);
+      this.corners();
     }
     this.object.frustumCulled = false;
     this.update();
@@ -51,8 +47,8 @@ export class Line {
   }
 
   recolour(colour: Color): void {
-    if (this.material instanceof LineMaterial) {
-      if (this.values === null) this.material.color = colour;
+    if (!this.data.dots) {
+      (this.material.uniforms['colour']!.value as Color).copy(colour);
       return;
     }
     const n = this.points.length / 3;
@@ -61,33 +57,53 @@ export class Line {
       const c = this.values !== null && this.colourOf !== null ? this.colourOf(this.values[i]!) : colour;
       colours.set([c.r, c.g, c.b], 3 * i);
     }
-    (this.geometry as BufferGeometry).setAttribute('color', new BufferAttribute(colours, 3));
+    this.geometry.setAttribute('color', new BufferAttribute(colours, 3));
   }
   dispose(): void {
     this.geometry.dispose();
     this.material.dispose();
   }
   resize(width: number, height: number): void {
-    if (this.material instanceof LineMaterial) this.material.resolution.set(width, height);
+    if (!this.data.dots) (this.material.uniforms['resolution']!.value as Vector2).set(width, height);
+  }
+
+  /** What of the rectangles stays when points move: two corners at each end of a segment, their sides, two triangles. */
+  private corners(): void {
+    const count = this.segments.length / 2, sides = new Float32Array(4 * count), triangles = new Uint32Array(6 * count);
+    for (let k = 0; k < count; ++k) {
+      sides.set([1, -1, -1, 1], 4 * k); // seen from each end towards the other
+      triangles.set([0, 1, 2, 1, 3, 2].map((c) => 4 * k + c), 6 * k);
+    }
+    this.geometry.setAttribute('side', new BufferAttribute(sides, 1));
+    this.geometry.setIndex(new BufferAttribute(triangles, 1));
+    if (this.values === null || this.colourOf === null) return;
+    const colours = new Float32Array(12 * count);
+    this.segments.forEach((i, k) => {
+      const c = this.colourOf!(this.values![i]!);
+      colours.set([c.r, c.g, c.b, c.r, c.g, c.b], 6 * k);
+    });
+    this.geometry.setAttribute('color', new BufferAttribute(colours, 3));
   }
 
   private update(): void {
     if (this.data.dots) {
-      const attribute = new BufferAttribute(this.points.map((x) => (Number.isFinite(x) ? x : 1e30)), 3);
-      (this.geometry as BufferGeometry).setAttribute('position', attribute);
+      const attribute = new BufferAttribute(this.points.map((x) => (Number.isFinite(x) ? x : kAway)), 3);
+      this.geometry.setAttribute('position', attribute);
       return;
     }
-    const at = new Float32Array(3 * this.segments.length);
-    this.segments.forEach((i, k) => at.set(this.points.subarray(3 * i, 3 * i + 3), 3 * k));
-    const geometry = this.geometry as LineSegmentsGeometry;
-    geometry.setPositions(at);
-    if (this.values !== null && this.colourOf !== null) {
-      const colours = new Float32Array(at.length);
-      this.segments.forEach((i, k) => {
-        const c = this.colourOf!(this.values![i]!);
-        colours.set([c.r, c.g, c.b], 3 * k);
-      });
-      geometry.setColors(colours);
+    const count = this.segments.length / 2, own = new Float32Array(12 * count), other = new Float32Array(12 * count);
+    for (let k = 0; k < count; ++k) {
+      const a = 3 * this.segments[2 * k]!, b = 3 * this.segments[2 * k + 1]!;
+      const there = [0, 1, 2].every((c) => Number.isFinite(this.points[a + c]!) && Number.isFinite(this.points[b + c]!));
+      for (let c = 0; c < 3; ++c) {
+        const from = there ? this.points[a + c]! : kAway, to = there ? this.points[b + c]! : kAway;
+        for (let corner = 0; corner < 4; ++corner) {
+          own[12 * k + 3 * corner + c] = corner < 2 ? from : to;
+          other[12 * k + 3 * corner + c] = corner < 2 ? to : from;
+        }
+      }
     }
+    this.geometry.setAttribute('position', new BufferAttribute(own, 3));
+    this.geometry.setAttribute('other', new BufferAttribute(other, 3));
   }
 }

@@ -1,7 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // How surfaces and dots look: the light of the drawn pictures, cut off above and below two heights.
 
-import { DoubleSide, ShaderMaterial, Vector2 } from 'three';
+import { Color, DoubleSide, ShaderMaterial, Vector2 } from 'three';
 
 /** Shared by everything that the height cuts. */
 export const cuts = { value: new Vector2(-1e30, 1e30) };
@@ -42,5 +42,30 @@ export function dotMaterial(size: number, pixels: number): ShaderMaterial {
 void main() { fill = color; gl_PointSize = size; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); gl_Position.z -= 0.0005; }`,
     fragmentShader: `varying vec3 fill;
 void main() { if (length(gl_PointCoord - 0.5) > 0.5) discard; gl_FragColor = vec4(fill, 1.0); }`,
+  });
+}
+
+/**
+ * Lines `width` CSS pixels wide, as rectangles of their own: every corner knows its own end of the segment, the other
+ * end, and its side (1 or -1; the sides of the two ends are seen along opposite directions). Rectangles are half a width
+ * longer than the segment at each end, so that corners are closed. Instances, as three's LineSegments2 has them, cost a
+ * software renderer a draw each. The camera has no perspective.
+ */
+export function lineMaterial(width: number, coloured: boolean): ShaderMaterial {
+  return new ShaderMaterial({
+    side: DoubleSide,
+    vertexColors: coloured,
+    uniforms: { width: { value: width }, resolution: { value: new Vector2(1, 1) }, colour: { value: new Color() } },
+    vertexShader: `attribute vec3 other; attribute float side; varying vec3 fill; uniform float width; uniform vec2 resolution; uniform vec3 colour;
+void main() {
+  fill = ${coloured ? 'color' : 'colour'};
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+  vec2 along = (projectionMatrix * modelViewMatrix * vec4(other, 1.0)).xy - gl_Position.xy;
+  along *= resolution;
+  along = length(along) > 1e-6 ? normalize(along) : vec2(1.0, 0.0);
+  gl_Position.xy += width * (side * vec2(-along.y, along.x) - along) / resolution;
+}`,
+    fragmentShader: `varying vec3 fill;
+void main() { gl_FragColor = vec4(fill, 1.0); }`,
   });
 }

@@ -27,6 +27,6 @@ export function shown(value: number, span: number): string {
 }
 
 export function decimalsOf(values: number[]): number {
-  if (values.length < 2) return 2;
+  if (values.length < 2) return values.every(Number.isInteger) ? 0 : 2;
   return Math.max(0, Math.min(12, Math.ceil(-Math.log10(values[1]! - values[0]!) - 1e-9)));
 }
