@@ -462,6 +462,7 @@ Command correct_command() {
           progress(1);
           confidence = std::move(found);
         }
+        const std::string posture = posture_of_first_cut(in.job, c.before, c.programmed);
         const bool writes =
             c.within_tolerance || o->allow_outside || options.method == machining::CorrectMethod::mirror;
         files::Outputs together;  // program and report appear together or not at all
@@ -548,8 +549,7 @@ Command correct_command() {
           add_map(document, in.job, map);
           add_uncertainty(document, uncertainty);
           add_tool(document, in.job);
-          if (const std::string posture = posture_of_first_cut(in.job, c.before, c.programmed); !posture.empty())
-            document["branch"] = posture;
+          if (!posture.empty()) document["branch"] = posture;
           if (confidence) document["confidence"] = confidence_json(*confidence);
           print_json(document, {{"outside", c.moves.size(), outside_row}, {"moves", c.moves.size(), move_row}});
         } else {
@@ -562,6 +562,7 @@ Command correct_command() {
           fmt::print("checked at {} points after reading the new program back{}\n", c.after.pass.points,
                      c.verified ? ", and again with finer cells" : "");
           print_modes(c);
+          if (!posture.empty()) fmt::print("posture        {} in the first cut\n", posture);
           fmt::print("vibration      {}\n", kVibrationOfCorrect);
           o->weight.print();
           print_short_blocks(c.short_blocks, writes);
