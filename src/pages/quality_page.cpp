@@ -6,6 +6,7 @@
 #include <limits>
 #include <numeric>
 
+#include "ellipsoid_lines.hpp"
 #include "machine_inputs.hpp"
 #include "machine_lines.hpp"
 #include "polypod/core/figures.hpp"
@@ -648,16 +649,24 @@ class Page {
     report::Scene turns = scene;
     const std::vector<report::Line3> machine = machine_at(machine_, start_pose(machine_)).lines;
     turns.lines.insert(turns.lines.begin(), machine.begin(), machine.end());
+    constexpr std::size_t kEllipsoids = 40;
+    const std::vector<report::Line3> ellipsoids = velocity_ellipsoids(machine_, fine.survey, kEllipsoids);
+    turns.lines.insert(turns.lines.end(), ellipsoids.begin(), ellipsoids.end());
     report::Scene with_machine = scene;
     with_machine.title = "The same with the machine";
     with_machine.lines = machine;
     with_machine.max_aspect = 0.95;
     if (kinematics::hangs_down(machine_))
       for (report::Scene* each : {&scene, &turns, &with_machine}) hang(*each);
-    report_.add_scene(scene,
-                      std::string("The boundary of the workspace, coloured by the error of the tip.") +
-                          (kinematics::hangs_down(machine_) ? " The base is above: z of the machine points down." : ""),
-                      &turns);
+    report_.add_scene(
+        scene,
+        std::string("The boundary of the workspace, coloured by the error of the tip.") +
+            (ellipsoids.empty() ? ""
+                                : " Where it turns, ellipsoids show how fast the tip is in each direction "
+                                  "where the joint speeds (m/s and rad/s) have a root of the sum of "
+                                  "squares of 1: all at one scale.") +
+            (kinematics::hangs_down(machine_) ? " The base is above: z of the machine points down." : ""),
+        &turns);
     std::vector<std::pair<std::string, report::Figure>> panels{{"with the machine", with_machine}};
     POLYPOD_TRY(add_region(fine, border, hull, panels));
     report_.add_figure_grid(2, panels, "");

@@ -35,9 +35,9 @@ std::string json_number(double value) {
   return fmt::format("{}", value == 0 ? 0.0 : value);
 }
 
-/// A figure that is read: ten digits.
+/// A figure that is read: thirteen digits (1e-9 of a metre in mm).
 std::string figure_text(double value) {
-  return std::isfinite(value) ? fmt::format("{:.10g}", value == 0 ? 0.0 : value) : "null";
+  return std::isfinite(value) ? fmt::format("{:.13g}", value == 0 ? 0.0 : value) : "null";
 }
 
 template <class Items, class Text>
