@@ -48,8 +48,10 @@ void hang(report::Scene& scene) {
     for (Point3& p : line.points) turn(p);
     for (Point3& p : line.offset) turn(p);
   }
-  for (report::Mesh& mesh : scene.meshes)
+  for (report::Mesh& mesh : scene.meshes) {
     for (Point3& p : mesh.points) turn(p);
+    turn(mesh.shifts.along);
+  }
   for (report::Frames& frames : scene.frames)
     for (auto& points : frames.points)
       for (Point3& p : points) turn(p);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "machine_lines.hpp"
 #include "polypod/core/units.hpp"
@@ -72,6 +73,36 @@ void to_machine(report::Scene& scene, const Pose& X_MW) {
   }
 }
 
+/// Where the tool is along the moves, each with the time of the first picture that is not before it.
+std::vector<OnTheWay> way_of(const machining::Job& job, const LongVector<gcode::Move>& moves,
+                             const std::vector<ProgramInstant>& pictures) {
+  std::vector<OnTheWay> out;
+  constexpr double kPoints = 40000, kLeast = 1e-4;  // m
+  double length = 0;
+  for (const gcode::Move& move : moves) length += move.start_known ? move.length() : 0;
+  const double step = std::max(kLeast, length / kPoints);
+  std::size_t picture = 0;
+  bool known = false;
+  for (std::size_t k = 0; k < moves.size() && !pictures.empty(); ++k) {
+    const gcode::Move& move = moves[k];
+    if (!move.start_known) {
+      known = false;
+      continue;
+    }
+    const int count = std::max(1, static_cast<int>(std::ceil(move.length() / step)));
+    for (int i = known ? 1 : 0; i <= count; ++i) {
+      const double s = move.length() * i / count;
+      const auto before = [&](const ProgramInstant& p) {
+        return std::pair(p.move, p.s) < std::pair(static_cast<int>(k), s);
+      };
+      while (picture + 1 < pictures.size() && before(pictures[picture])) ++picture;
+      out.push_back({move.point(s), pictures[picture].time, &job.cutter_of(move.tool), known || i > 0});
+    }
+    known = true;
+  }
+  return out;
+}
+
 }  // namespace
 
 bool add_path_film(report::Report& report, const machining::Job& job, const gcode::Program& program,
@@ -106,6 +137,7 @@ bool add_path_film(report::Report& report, const machining::Job& job, const gcod
   columns.push_back({both ? "distance, as it is" : "distance", "µm", distance(before)});
   if (both) columns.push_back({"distance, corrected", "µm", distance(after)});
 
+  const std::vector<OnTheWay> way = way_of(job, c.programmed, walk.pictures);
   const auto scene_of = [&](std::size_t points) {
     report::Scene scene = path_scene(c, tracks, factor, points);
     scene.title = "The machine on its way along the program";
@@ -117,9 +149,10 @@ bool add_path_film(report::Report& report, const machining::Job& job, const gcod
       scene.lines.push_back(box_line("stock before", job.stock.min(), job.stock.max(), job.X_MW));
       if (left != nullptr && left->columns() > 0) {
         constexpr int kCells = 90;
-        scene.meshes.push_back(stock_mesh(*left, job.X_MW, kCells, "stock after"));
+        constexpr std::size_t kShifts = 40000;
+        scene.meshes.push_back(growing_cut(job.stock, *left, job.X_MW, kCells, "stock", way, kShifts));
         scene.meshes.back().opacity = 0.6;
-        scene.kinds = {"stock that the deflected tool leaves"};
+        scene.kinds = {"stock; at the end what the deflected tool leaves"};
       }
     }
     add_film(scene, job.machine, walk.pictures, columns, lines_of(program, c.programmed));

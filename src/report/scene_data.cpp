@@ -127,6 +127,17 @@ std::string mesh_text(const Mesh& mesh, const Box3& box) {
     out += fmt::format(",\"value\":{{\"low\":[{}],\"step\":[{}],\"data\":{}}}", json_number(low), json_number(step),
                        in_quotes(values));
   }
+  const Mesh::Shifts& s = mesh.shifts;
+  if (!s.at.empty() && s.point.size() == s.at.size() && s.by.size() == s.at.size()) {
+    Packed at, point, by;
+    for (std::size_t k = 0; k < s.at.size(); ++k) {
+      at.add(static_cast<float>(s.at[k]));
+      point.add(static_cast<std::uint32_t>(s.point[k]));
+      by.add(static_cast<float>(s.by[k]));
+    }
+    out += fmt::format(",\"shifts\":{{\"along\":{},\"at\":{},\"point\":{},\"by\":{}}}", list(s.along), in_quotes(at),
+                       in_quotes(point), in_quotes(by));
+  }
   return out + '}';
 }
 

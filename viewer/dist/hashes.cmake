@@ -1,3 +1,3 @@
 set(page_sha256 zRUpxcWODcFmxyHefPkvXkGRGx9kfGD9MBhmob5K2rM=)
 set(live_sha256 GPqygFZlffx01PPg0zPjcsTSjg6Rm1R7mgacmqOb54g=)
-set(viewer_sha256 QmP3LcQq0KpPHZVW8AG0vLmz4l77JwHSJ7p8k/VNHuI=)
+set(viewer_sha256 Ke7DNH3qSPE+Y0Ljm4xDfiS+aMrFLjSZUs1E2Xxr78Q=)

@@ -17,6 +17,8 @@ export interface MeshData {
   triangles: string; // base64 of unsigned 32-bit numbers, three a triangle
   kind?: string; // base64 of signed 8-bit numbers, one a point
   value?: Steps; // one a point
+  // From the place `at` of the first frames on, a point lies `by` along `along` from where it lies in `points`: rising.
+  shifts?: { along: Vec; at: string; point: string; by: string }; // base64 of 32-bit floats, unsigned numbers, floats
 }
 
 export interface LineData {

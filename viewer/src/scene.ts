@@ -7,7 +7,7 @@ import { type FramesData, floats, type LineData, type MeshData, type SceneData, 
 import { Line } from './lines';
 import { surfaceMaterial } from './materials';
 import { fixed, shown } from './numbers';
-import { type Surface, surfaceOf } from './surface';
+import { Moving, type Surface, surfaceOf } from './surface';
 import { steer, View } from './view';
 
 ColorManagement.enabled = false;
@@ -72,7 +72,7 @@ export class Picture {
   private readonly box: Box;
   private lines: Line[];
   private readonly pixels = Math.min(2, window.devicePixelRatio || 1);
-  private readonly surfaces: { mesh: Mesh; surface: Surface }[] = [];
+  private readonly surfaces: { mesh: Mesh; surface: Surface; moving: Moving | null }[] = [];
   private readonly height = { value: new Vector2(-1e30, 1e30) };
   private readonly panel = element('div', 'controls');
   private readonly stage = element('div', 'stage');
@@ -400,7 +400,16 @@ export class Picture {
     const object = new Mesh(surface.geometry, surfaceMaterial(mesh.opacity, this.height));
     object.renderOrder = mesh.opacity < 1 ? 2 : 1;
     this.scene.add(object);
-    this.surfaces.push({ mesh: object, surface });
+    this.surfaces.push({ mesh: object, surface, moving: mesh.shifts === undefined ? null : new Moving(mesh) });
+  }
+
+  /** A surface whose points move as the frames go, as the stock under the cutter. */
+  private grow(of: { mesh: Mesh; surface: Surface; moving: Moving | null }, at: number): void {
+    const points = of.moving?.at(at);
+    if (!of.moving || !points) return;
+    of.surface = surfaceOf(of.moving.mesh, this.data, points);
+    of.mesh.geometry.dispose();
+    of.mesh.geometry = of.surface.geometry;
   }
 
   /** Frame `index` of the frames `of`. */
@@ -415,6 +424,7 @@ export class Picture {
       from += line.points.length;
     }
     this.frame = { of, index };
+    if (of === 0) for (const each of this.surfaces) this.grow(each, frames.at[index]!);
     this.data.frames.forEach((other, k) => {
       if (k !== of) this.sliders[k]?.set(other.start);
     });

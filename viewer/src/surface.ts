@@ -3,12 +3,48 @@
 // drawn picture (src/report/scene.cpp).
 
 import { BufferAttribute, BufferGeometry, Color } from 'three';
-import { type MeshData, type SceneData, smalls, unpacked, wholes } from './data';
+import { floats, type MeshData, type SceneData, smalls, unpacked, wholes } from './data';
 
 export interface Surface {
   geometry: BufferGeometry;
   band: Int16Array; // of each triangle: index into kinds, -1 none
   value: Float32Array | null; // of each corner
+}
+
+/** The points of a mesh as the frames go. */
+export class Moving {
+  private readonly given: ArrayLike<number>;
+  private readonly place: Float32Array;
+  private readonly point: ArrayLike<number>;
+  private readonly by: Float32Array;
+  private done = 0;
+  private readonly points: Float32Array;
+
+  constructor(readonly mesh: MeshData) {
+    const shifts = mesh.shifts!;
+    this.given = unpacked(mesh.points);
+    this.points = Float32Array.from(this.given);
+    this.place = floats(shifts.at);
+    this.point = wholes(shifts.point);
+    this.by = floats(shifts.by);
+  }
+
+  /** The points at a place of the frames; null where they lie as they did when this was asked last. */
+  at(place: number): Float32Array | null {
+    const along = this.mesh.shifts!.along;
+    let count = this.done;
+    while (count > 0 && this.place[count - 1]! > place) --count;
+    if (count < this.done) count = 0; // back: anew from the start
+    const before = this.done;
+    if (count === 0 && before > 0) this.points.set(Float32Array.from(this.given));
+    while (count < this.place.length && this.place[count]! <= place) {
+      const p = 3 * this.point[count]!;
+      for (let k = 0; k < 3; ++k) this.points[p + k] = this.given[p + k]! + this.by[count]! * along[k]!;
+      ++count;
+    }
+    this.done = count;
+    return count === before ? null : this.points;
+  }
 }
 
 interface Corner {
@@ -38,8 +74,7 @@ function cut(polygon: Corner[], level: number): [Corner[], Corner[]] {
   return [below, above];
 }
 
-export function surfaceOf(mesh: MeshData, scene: SceneData): Surface {
-  const points = unpacked(mesh.points);
+export function surfaceOf(mesh: MeshData, scene: SceneData, points = unpacked(mesh.points)): Surface {
   const triangles = wholes(mesh.triangles);
   const kinds = mesh.kind === undefined ? null : smalls(mesh.kind);
   const values = mesh.value === undefined ? null : unpacked(mesh.value);

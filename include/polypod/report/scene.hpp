@@ -23,6 +23,14 @@ struct Mesh {
   double opacity = 1;
   std::vector<double> value = {};  ///< of each point, for Scene::levels
   std::string name = {};           ///< of the switch that hides it where the scene turns; empty: none
+  /// Only where the scene turns, e.g. a stock that is cut: from the place `at` of the first frames on the point lies
+  /// `by` along `along` from where it lies in `points`, until another entry says otherwise.
+  struct Shifts {
+    Point3 along;
+    std::vector<double> at;  ///< rising
+    std::vector<int> point;
+    std::vector<double> by;
+  } shifts = {};
 };
 
 struct Line3 {
