@@ -3,10 +3,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "text.hpp"
 
@@ -114,6 +116,7 @@ class LineReader {
         POLYPOD_TRY(word());
       }
     }
+    POLYPOD_TRY(spindle_taken());
     return std::move(line_);
   }
 
@@ -149,12 +152,43 @@ class LineReader {
     return true;
   }
 
+  /// $ chooses the spindle of the block: the only one (0), or all (-1).
+  Status spindle() {
+    const std::size_t from = at_++;
+    POLYPOD_ASSIGN(number, value());
+    const bool again = spindle_.has_value();
+    spindle_ = from;
+    if (!again && (std::trunc(number) == 0 || std::trunc(number) == -1)) return {};
+    at_ = from;
+    return error("GC132",
+                 again ? std::string("two $ words in a block") : fmt::format("there is no spindle {:g}", number),
+                 again ? "leave one out" : "the machine has one spindle: $0, or no $");
+  }
+  /// Something in the block takes the spindle that $ chooses.
+  Status spindle_taken() {
+    if (!spindle_) return {};
+    constexpr std::array kByM{3.0, 4.0, 5.0, 19.0, 51.0};
+    constexpr std::array kByG{33.0, 33.1, 76.0, 95.0, 96.0, 97.0};
+    const auto is_one_of = [](const auto& codes, double code) {
+      constexpr double kSame = 1e-3;
+      return std::any_of(codes.begin(), codes.end(), [&](double c) { return std::abs(c - code) < kSame; });
+    };
+    for (const Word& w : line_.words) {
+      if (w.letter == 'S' || (w.letter == 'M' && is_one_of(kByM, w.value)) ||
+          (w.letter == 'G' && is_one_of(kByG, w.value)))
+        return {};
+    }
+    at_ = *spindle_;
+    return error("GC132", "a $ word without S, M3, M4, M5, M19, M51, G33, G33.1, G76, G95, G96 or G97 that takes it",
+                 "leave it out");
+  }
+
   Status word() {
     const char c = peek();
     const std::size_t from = at_;
+    if (c == '$') return spindle();
     if (!is_letter(c) && c != '*' && c != '@' && c != '^') {
-      return error("GC100", fmt::format("'{}' does not belong into a block", c),
-                   c == '$' ? "leave it out: the machine has one spindle" : "remove it, or put it into a comment");
+      return error("GC100", fmt::format("'{}' does not belong into a block", c), "remove it, or put it into a comment");
     }
     if (lower(c) == 'n' && !line_.words.empty()) {
       return error("GC106", "N within a block; a line number stands at the start of its line",
@@ -471,6 +505,7 @@ class LineReader {
   const Parameters& parameters_;
   const Place& place_;
   Line line_;
+  std::optional<std::size_t> spindle_;  ///< where $ stands
   std::size_t at_ = 0;
   int depth_ = 0;
 };
