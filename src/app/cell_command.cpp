@@ -318,6 +318,7 @@ Json document(const cell::CellResult& r) {
     out["items"] = {{"fed", o.fed},
                     {"placed", o.placed},
                     {"missed", o.missed},
+                    {"left", o.left},
                     {"unseen", o.unseen},
                     {"failed_grips", o.failed},
                     {"on_belts", o.remaining},
@@ -372,6 +373,8 @@ void print_result(const cell::CellResult& r) {
     fmt::print("throughput {} items a minute{}: {} placed, {} missed, {} unseen, {} grips failed\n",
                estimate_text(r.study.throughput, r.study.outcomes.size() > 1 ? 2 : 1),
                r.study.outcomes.size() > 1 ? "; in the first run" : "", o.placed, o.missed, o.unseen, o.failed);
+    if (std::any_of(c.conveyors.begin(), c.conveyors.end(), [](const cell::Conveyor& b) { return b.outfeed; }))
+      fmt::print("outfeed    {} items left the cell\n", o.left);
     if (!c.containers.empty())
       fmt::print("containers {} filled, {} emptied, {} served\n", o.filled, o.emptied, o.served);
     for (std::size_t m = 0; m < c.machines.size(); ++m) {
@@ -398,12 +401,21 @@ void print_result(const cell::CellResult& r) {
     if (c.cost.budget > 0)
       fmt::print(" and a reserve of {:.0f}: {:.0f} {}", c.cost.reserve(), c.cost.budget, c.cost.currency);
     if (c.cost.hours > 0) fmt::print("; {:.0f} hours of assembly", c.cost.hours);
+    if (c.cost.hours > 0 && c.cost.hour_price > 0)
+      fmt::print(" at {:.6g}, {:.0f} {} not in the sum", c.cost.hour_price, c.cost.hours * c.cost.hour_price,
+                 c.cost.currency);
     if (const auto each = cell::cost_per_item(c.cost, r.simulated() ? r.study.throughput.mean : 0))
       fmt::print("; {:.4g} {} of running cost an item", *each, c.cost.currency);
     fmt::print("\n");
   }
-  fmt::print("guards     {:.0f} mm for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)\n",
+  fmt::print("guards     {:.0f} mm for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)",
              to_mm(r.safety.guard_distance), r.safety.stopping / units::from_ms(1));
+  const cell::GuardFigure* farthest = nullptr;
+  for (const cell::GuardFigure& g : r.safety.guards)
+    if (std::isfinite(g.needed) && (farthest == nullptr || g.needed > farthest->needed)) farthest = &g;
+  if (farthest != nullptr && farthest->needed > r.safety.guard_distance + 1e-9)
+    fmt::print("; {} needs most, {:.0f} mm ({})", one_line(farthest->name), to_mm(farthest->needed), farthest->rule);
+  fmt::print("\n");
   if (!r.layout.gaps.empty()) {
     const cell::Gap& g = r.layout.gaps.front();
     fmt::print(

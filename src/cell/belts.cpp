@@ -107,6 +107,13 @@ Process World::run_belt(Belt& b) {
 }
 
 void World::pass_on(Belt& b, const OnBelt& item) {
+  if (b.c->outfeed) {
+    ++out_.left;
+    went(b.c->name, "outside");
+    note(0, b.c->name, "an item leaves the cell");
+    changed_.notify();
+    return;
+  }
   if (b.onto < 0) {
     ++out_.missed;
     note(0, b.c->name, "an item falls off");

@@ -175,6 +175,7 @@ std::vector<std::string> not_judged(const CellResult& r) {
   for (const GuardFigure& g : r.safety.guards)
     if (!g.enough && !g.note.empty() && r.safety.problems.empty())
       out.push_back(fmt::format("guard {}: it is not far enough by itself; a person must judge its measure", g.name));
+  out.insert(out.end(), r.safety.not_judged.begin(), r.safety.not_judged.end());
   for (const Conveyor& c : r.cell.conveyors)
     if (!c.chute.empty()) out.push_back(fmt::format("whether items slide down the chute {} of {}", c.chute, c.name));
   if (!r.cell.open_sides.empty() && !way_in(r.cell, r.layout.swept).empty())

@@ -190,15 +190,27 @@ class Judge {
 
   void at_rest() {
     constexpr double kSame = 1e-6;  // m: what stands on something touches it
+    std::vector<std::string> rest;
     for (std::size_t i = 0; i < solids_.size(); ++i) {
       for (std::size_t k = i + 1; k < solids_.size(); ++k) {
         const double depth = overlap(solids_[i], solids_[k]);
         if (depth <= kSame) continue;
         // A base belongs to its machine's place, a holder may stand in its stand: only what is not one body is judged.
-        out_.problems.push_back({"collision", fmt::format("{} and {} reach {:.1f} mm into each other", solids_[i].name,
-                                                          solids_[k].name, units::to_mm(depth))});
+        rest.push_back(fmt::format("{} and {} reach {:.1f} mm into each other", solids_[i].name, solids_[k].name,
+                                   units::to_mm(depth)));
       }
+      const double below = solids_[i].size.z() / 2 - solids_[i].middle.z();
+      if (below > kSame)
+        rest.push_back(fmt::format("{} reaches {:.1f} mm below the floor", solids_[i].name, units::to_mm(below)));
+      // What stands beside the sheet of a fence touches half of it; an opening lets belts and places through.
+      for (const auto& [sheet, open] : fences_)
+        if (!open && overlap(solids_[i], sheet) > sheet.size.y())
+          rest.push_back(fmt::format("{} stands in the fence {}, which has no opening", solids_[i].name, sheet.name));
     }
+    constexpr std::size_t kListed = 100;
+    for (std::size_t k = 0; k < std::min(rest.size(), kListed); ++k) out_.problems.push_back({"collision", rest[k]});
+    if (rest.size() > kListed)
+      out_.problems.push_back({"collision", fmt::format("{} more of bodies at rest", rest.size() - kListed)});
   }
 
   /// Containers in their slots against bodies, items on belts, fences and containers of other places.

@@ -259,7 +259,8 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
           else if (plan.error().id == "MO105")
             time = 2 * trapezoid_time((at - ends[e]).norm(), m.tool_speed, m.tool_acceleration);
           else
-            complain(at, plan.error().message);
+            complain(at, fmt::format("{} (on the way to {}; places of the reason are in the machine's own frame)",
+                                     plan.error().message, place_text(ends[e])));
         } else if (end.ok) {
           const Stand pick =
               stand_at(m, home, at, std::numbers::pi / 2, std::numeric_limits<double>::quiet_NaN(), 0, m.lift);

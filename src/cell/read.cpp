@@ -55,6 +55,7 @@ Status Reader::head() {
   cell_.policy = policy;
   cell_.door = door;
   cell_.control_response = response;
+  cell_.control_response_given = top_.has("control_response_ms");
   cell_.clearance = clearance;
   cell_.open_sides = open_sides;
   cell_.refill = refill;
@@ -77,7 +78,7 @@ Result<std::vector<Table>> Reader::some(std::string_view key) {
                                                                                 : 1000;
   if (tables.size() > most) {
     return fail("CE106", fmt::format("{} tables [[{}]] are more than {}", tables.size(), key, most),
-                tables[most].place());
+                tables[most].place(), "join or leave out some, or make two cells of them");
   }
   return tables;
 }
@@ -85,7 +86,10 @@ Result<std::vector<Table>> Reader::some(std::string_view key) {
 Status Reader::fresh_name(const Table& table, std::string& out) {
   POLYPOD_ASSIGN(name, table.text("name"));
   if (name.empty() || name.size() > 60 || one_line(name) != name) {
-    return fail("CE101", "a name must have 1 to 60 characters on one line", table.place_of("name"));
+    return fail("CE101",
+                "a name must have 1 to 60 bytes of UTF-8, without control characters, ends of lines and marks of the "
+                "direction of writing",
+                table.place_of("name"));
   }
   if (!names_.insert(name).second) {
     return fail("CE101", fmt::format("the name \"{}\" stands twice", name), table.place_of("name"),

@@ -68,6 +68,11 @@ Status Reader::conveyors() {
     POLYPOD_ASSIGN(power, table.optional_number("power_W", 0, {0, 1e9}));
     POLYPOD_ASSIGN(motor, table.optional_text("motor", ""));
     POLYPOD_ASSIGN(next, table.optional_text("onto", ""));
+    POLYPOD_ASSIGN(outfeed, table.optional_boolean("outfeed", false));
+    if (outfeed && !next.empty()) {
+      return fail("CE107", fmt::format("items of conveyor {} leave the cell and go onto {}", out.name, one_line(next)),
+                  table.place_of("outfeed"), "leave out outfeed, or onto");
+    }
     POLYPOD_ASSIGN(drop, optional_length(table, "drop_mm", 0));
     POLYPOD_ASSIGN(spread, optional_length(table, "drop_spread_mm", 0));
     POLYPOD_ASSIGN(sensor, optional_length(table, "sensor_mm", -1e-3, {-1, 1e5}));
@@ -91,6 +96,7 @@ Status Reader::conveyors() {
     out.power = power;
     out.motor = motor;
     out.onto = next;
+    out.outfeed = outfeed;
     out.drop = drop;
     out.drop_spread = spread;
     out.sensor = sensor;

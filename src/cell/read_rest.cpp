@@ -59,6 +59,8 @@ Status Reader::guards() {
     out.height = height;
     out.resolution = resolution;
     out.response = response;
+    out.resolution_given = table.has("resolution_mm");
+    out.response_given = table.has("response_ms");
     out.opening = opening;
     out.opening_shape = shape;
     out.opening_height = opening_height;

@@ -35,10 +35,10 @@ Status Reader::spots() {
       return fail("CE106", fmt::format("{} places are more than {}", rows * columns, kMostSlots),
                   table.place_of("rows"));
     }
-    if (rows * columns > 1) {
+    if (rows * columns > 1 || table.has("pitch_mm")) {
       POLYPOD_ASSIGN(p, length(table, "pitch_mm"));
       pitch = p;
-      if (pitch < cell_.containers[0].diameter) {
+      if (rows * columns > 1 && pitch < cell_.containers[0].diameter) {
         return fail("CE103",
                     fmt::format("{} of {:g} mm do not fit side by side at a pitch of {:g} mm", cell_.containers[0].name,
                                 units::to_mm(cell_.containers[0].diameter), units::to_mm(pitch)),
@@ -303,6 +303,13 @@ Status Reader::tasks() {
     if (out.from_conveyor >= 0) {
       POLYPOD_TRY(needs_item(table));
       const Conveyor& c = cell_.conveyors[static_cast<std::size_t>(out.from_conveyor)];
+      if (c.outfeed) {
+        return fail("CE107",
+                    fmt::format("task {} takes items from conveyor {}, whose items leave the cell as they should: none "
+                                "could be missed",
+                                out.name, c.name),
+                    table.place_of("from"), "let what is not taken go onto another conveyor, which is the outfeed");
+      }
       POLYPOD_ASSIGN(window, span(table, "window_mm", units::kMetrePerMm, kMaybeSize_mm));
       POLYPOD_TRY(ordered(table, "window_mm", window[0], window[1]));
       if (!(window[1] - window[0] > 1e-6) || window[1] > c.length) {

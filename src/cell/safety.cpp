@@ -294,6 +294,13 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vect
       }
     } else {
       device = true;
+      std::vector<std::string> missing;
+      if (!g.response_given) missing.emplace_back("its response_ms (0 is taken)");
+      if (!cell.control_response_given) missing.emplace_back("the control_response_ms of the cell (0 is taken)");
+      if (!g.resolution_given) missing.push_back(fmt::format("its resolution_mm ({:g} is taken)", g.resolution / mm));
+      if (!missing.empty())
+        out.not_judged.push_back(
+            fmt::format("the distance of {} {}: not stated is {}", f.kind, g.name, fmt::join(missing, ", and ")));
       f.stopping = g.response + cell.control_response + out.stopping;
       const bool curtain = g.kind == Guard::Kind::curtain;
       const std::optional<double> first =
@@ -339,8 +346,9 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vect
     constexpr double kResponse = 0.020, kResolution = 0.030;
     out.guard_distance = *curtain_distance(kResponse + cell.control_response + out.stopping, kResolution);
     out.assumed.push_back(
-        "the cell has no light curtain or scanner: the guard distance is that of a curtain of 30 mm with a response of "
-        "20 ms");
+        fmt::format("the cell has no light curtain or scanner: the guard distance is that of a curtain of 30 mm with a "
+                    "response of 20 ms{}",
+                    cell.control_response_given ? "" : ", and 0 ms of its control (control_response_ms)"));
   }
   // What the layout itself tells; the rest is for the person who assesses.
   for (const Machine& m : cell.machines) {

@@ -11,6 +11,7 @@
 
 #include "cell_film.hpp"
 #include "cell_views.hpp"
+#include "polypod/core/excerpt.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/parts.hpp"
@@ -170,6 +171,11 @@ struct TablePicture {
 
 // The Gantt chart -----------------------------------------------------------------------------------------------------
 
+/// A text of at most so many characters of UTF-8.
+std::string beginning(const std::string& text, std::size_t most) {
+  return character_at(text, text.size()) <= most ? text : text.substr(0, byte_at(text, most - 1)) + "…";
+}
+
 struct Gantt {
   std::string title;
   std::vector<std::string> names;
@@ -177,7 +183,12 @@ struct Gantt {
   double from = 0, to = 60;
 
   std::string operator()(const report::Canvas& canvas) const {
-    const double left = 64, right = canvas.width - 24, bar = 26, row = 46;
+    constexpr double kLetter = 7;  // px, about
+    constexpr std::size_t kLongest = 22;
+    std::size_t longest = 0;
+    for (const std::string& name : names) longest = std::max(longest, character_at(name, name.size()));
+    const double left = std::max(64.0, 8 + kLetter * static_cast<double>(std::min(longest, kLongest)));
+    const double right = canvas.width - 24, bar = 26, row = 46;
     const auto x = [&](double t) { return left + (t - from) / (to - from) * (right - left); };
     std::map<std::string, Colour> colours;
     constexpr std::array<Colour, 6> kOrder{Colour::blue,   Colour::orange,     Colour::green,
@@ -186,7 +197,7 @@ struct Gantt {
     double top = 6;
     for (std::size_t k = 0; k < rows.size(); ++k) {
       body += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" class=\"t\">{}</text>\n", 2.0, top + bar / 2 + 4,
-                          report::escape(names[k].substr(0, 9)));
+                          report::escape(beginning(names[k], kLongest)));
       for (const cell::Interval& i : *rows[k]) {
         if (!i.busy || i.to <= from || i.from >= to) continue;
         const auto colour = colours.emplace(i.what, kOrder[colours.size() % kOrder.size()]).first->second;
@@ -313,11 +324,12 @@ std::string with_interval(const cell::Estimate& e, int decimals) {
 
 void verdicts(report::Report& page, const CellResult& r) {
   if (r.problems.empty()) {
-    page.add_verdict(Verdict::good,
-                     fmt::format("{} that the tasks ask for is in reach, no collision was found in {} "
-                                 "positions, and in {} s of simulated time no item was missed and nothing stood still.",
-                                 r.not_judged.empty() ? "Everything" : "Apart from what was not judged: everything",
-                                 r.layout.positions, plain(r.outcome().seconds)));
+    page.add_verdict(
+        Verdict::good,
+        fmt::format("{} that the tasks ask for is in reach, no collision was found in {} "
+                    "positions, and in {} s of simulated time no item was missed and no deadlock occurred.",
+                    r.not_judged.empty() ? "Everything" : "Apart from what was not judged: everything",
+                    r.layout.positions, plain(r.outcome().seconds)));
   }
   for (const cell::Problem& p : r.problems) page.add_verdict(Verdict::bad, p.kind + ": " + p.detail + ".");
 }

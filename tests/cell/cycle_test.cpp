@@ -147,6 +147,33 @@ TEST(CellCycle, AFastSourceIsMissedAtTheRateOfTheMachine) {
   EXPECT_NEAR(o.fed, o.placed + o.missed + o.remaining, 1);
 }
 
+// What leaves on an outfeed is not missed; a belt that is picked from is no outfeed.
+TEST(CellCycle, ItemsLeaveOnAnOutfeed) {
+  std::string text = test::kPicking;
+  text.replace(text.find("per_minute = 60"), 15, "per_minute = 6000");
+  const std::string onto =
+      "speed_mm_per_s = 100\nonto = \"out\"\ndrop_mm = 50\n[[conveyor]]\nname = \"out\"\n"
+      "at_mm = [1600, 0, 900]\nlength_mm = 600\nwidth_mm = 400\nspeed_mm_per_s = 100\n";
+  text.replace(text.find("speed_mm_per_s = 100\n"), 21, onto);
+  const auto dead_end = from_text(text, "small.toml");
+  ASSERT_TRUE(dead_end) << to_string(dead_end.error());
+  text.replace(text.find("name = \"out\"\n"), 13, "name = \"out\"\noutfeed = true\n");
+  const auto outfeed = from_text(text, "small.toml");
+  ASSERT_TRUE(outfeed) << to_string(outfeed.error());
+  const Outcome missed = run(*dead_end, motions(*dead_end), for_seconds(60));
+  const Outcome left = run(*outfeed, motions(*outfeed), for_seconds(60));
+  EXPECT_GT(missed.missed, 100);
+  EXPECT_EQ(missed.left, 0);
+  EXPECT_EQ(left.missed, 0);
+  EXPECT_EQ(left.left, missed.missed);
+  EXPECT_EQ(left.fed, left.placed + left.left + left.remaining) << "where they are";
+  text = test::kPicking;
+  text.replace(text.find("speed_mm_per_s = 100\n"), 21, "speed_mm_per_s = 100\noutfeed = true\n");
+  const auto picked = from_text(text, "small.toml");
+  ASSERT_FALSE(picked);
+  EXPECT_EQ(picked.error().id, "CE107");
+}
+
 TEST(CellCycle, ASensorStopsTheBeltInsteadOfMissing) {
   const Cell cell = cell_of(cell_of(test::kPicking).name.empty() ? "" : std::string(test::kPicking),
                             "speed_mm_per_s = 100", "speed_mm_per_s = 100\nsensor_mm = 890");

@@ -280,6 +280,21 @@ TEST(Layout, FencesAreBodies) {
   EXPECT_TRUE(finds(l, "collision", "into front"));
 }
 
+TEST(Layout, BodiesStandOnTheFloorAndInNoFence) {
+  const auto with = [](const Body& body) { return seed_with([&](Cell& cell) { cell.bodies.push_back(body); }); };
+  EXPECT_TRUE(finds(with({"box", "table", {2.4, 1.6, 0.4}, {0.3, 0.3, 0.8}, 0, false}), "collision",
+                    "box stands in the fence right"));
+  EXPECT_FALSE(finds(with({"box", "table", {2.55, 1.2, 0.4}, {0.3, 0.3, 0.8}, 0, false}), "collision", "box"))
+      << "beside it";
+  EXPECT_TRUE(finds(with({"box", "table", {2.0, 1.8, 0}, {0.3, 0.3, 1.2}, 0, false}), "collision",
+                    "box reaches 600.0 mm below the floor"));
+  const Layout many = seed_with([](Cell& cell) {
+    for (int k = 0; k < 30; ++k)
+      cell.bodies.push_back({"b" + std::to_string(k), "table", {2.0, 1.8, 0.5}, {0.1, 0.1, 0.1}, 0, false});
+  });
+  EXPECT_TRUE(finds(many, "collision", "335 more of bodies at rest")) << "30 bodies are 435 pairs";
+}
+
 TEST(Reach, ContainersArePutUprightAndEmptiedUpsideDown) {
   auto cell = read(test::source("cells/kozubik/cell.toml"));
   ASSERT_TRUE(cell);

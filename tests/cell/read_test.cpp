@@ -30,6 +30,15 @@ TEST(CellFile, TheSeedsCellHasItsCosts) {
   EXPECT_DOUBLE_EQ(cell->conveyors[0].power, 200);
 }
 
+TEST(CellFile, APitchBesideOneSlotIsTaken) {
+  std::string text = test::kPicking;
+  text.replace(text.find("columns = 2"), 11, "columns = 1");
+  text.replace(text.find("containers = 2"), 14, "containers = 1");
+  const auto cell = from_text(text, "cell.toml");
+  ASSERT_TRUE(cell) << to_string(cell.error());
+  EXPECT_EQ(cell->spots[0].slots.size(), 1U);
+}
+
 /// The error of a cell in which one text takes the place of another.
 Error error_of(const std::string& from, const std::string& to) {
   std::string text = test::kPicking;

@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdio>
+
 #include <algorithm>
 #include <cmath>
 
@@ -63,6 +65,15 @@ TEST(Safety, PeopleWalkInWhereNoGuardStands) {
   EXPECT_EQ(way_in(cell, space), "");
   cell.guards[3].to.y() = 0.3;
   EXPECT_TRUE(way_in(cell, space).starts_with("near ")) << way_in(cell, space);
+  // It is told where it is, not at a corner that the way passes: 300 mm in the back fence beside the right one.
+  cell.guards[3].to.y() = 0;
+  cell.guards[2].from.x() = 2.7;
+  double x = 0, y = 0;
+  ASSERT_EQ(std::sscanf(way_in(cell, space).c_str(), "near %lf, %lf", &x, &y), 2) << way_in(cell, space);
+  EXPECT_NEAR(x, 2850, 200);
+  EXPECT_NEAR(y, 3000, 100);
+  cell.guards[2].from.x() = 3;
+  cell.guards[3].to.y() = 0.3;
   // What is higher than people reach needs no guard (ISO 13857, 4.2.1).
   EXPECT_EQ(way_in(cell, {{{1, 1, 3}, 0.1, "arm"}}), "");
   // Far apart, the squares are larger, and guards stay tight.
@@ -279,6 +290,23 @@ TEST(Safety, TimesOfDeviceAndControlCount) {
   const Safety out = safety(cell, {{{1, 1, 1}, 0.1, "arm"}});
   EXPECT_NEAR(out.guards.at(0).stopping, 0.37, kRounding);
   EXPECT_NEAR(out.guards.at(0).needed, 0.720, kRounding);
+}
+
+// A response that is not stated is no response of 0 ms.
+TEST(Safety, WhatAGuardRestsOnIsStatedOrNotJudged) {
+  Guard g;
+  g.name = "curtain";
+  g.kind = Guard::Kind::curtain;
+  g.height = 2.6;
+  Cell cell = behind(g);
+  const std::vector<Swept> space{{{1, 1, 1}, 0.1, "arm"}};
+  const Safety out = safety(cell, space);
+  ASSERT_EQ(out.not_judged.size(), 1U);
+  for (const char* key : {"response_ms", "control_response_ms", "resolution_mm (30 is taken)"})
+    EXPECT_NE(out.not_judged[0].find(key), std::string::npos) << out.not_judged[0];
+  cell.control_response_given = true;
+  cell.guards[0].response_given = cell.guards[0].resolution_given = true;
+  EXPECT_TRUE(safety(cell, space).not_judged.empty());
 }
 
 // A fence of 2 m with round openings of 30 mm: 120 mm (ISO 13857, Table 4) from the surface of what is moved.

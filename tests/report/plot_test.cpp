@@ -355,7 +355,9 @@ TEST(HeatMap, HoldsTheValuesThatAreReadUnderThePointer) {
     if (x == 0 || x == 100 || y == 0) continue;  // on the clip itself
     const bool drawn = n != 13 && x >= 10 && y < 25;
     EXPECT_EQ(std::isfinite(values[n]), drawn) << "at " << x << ", " << y;
-    if (drawn) EXPECT_FLOAT_EQ(values[n], static_cast<float>(map.values[n]));
+    if (drawn) {
+      EXPECT_FLOAT_EQ(values[n], static_cast<float>(map.values[n]));
+    }
     EXPECT_EQ(kinds[n], drawn ? 1 : 255);
   }
   const std::string again = map(Canvas{300, "t", true});

@@ -43,7 +43,8 @@ struct Conveyor {
   double speed = 0;                   ///< m/s, > 0
   double power = 0;                   ///< W
   std::string motor;
-  std::string onto;  ///< conveyor onto which its items go at the end; empty: they fall off and count as missed
+  std::string onto;      ///< conveyor onto which its items go at the end; empty: they fall off and count as missed
+  bool outfeed = false;  ///< they leave the cell at the end, as they should
   double drop = 0, drop_spread = 0;  ///< m, how far beyond the end items land on it, and how much that differs
   bool drop_given = false;           ///< false: how far they fly
   std::string chute;                 ///< the body that leads them from the end to where they land; empty: they fall
@@ -176,10 +177,11 @@ struct Guard {
   double height = 0;                            ///< m, of the upper edge (of a scanner: of the plane)
   double resolution = 0.030;                    ///< m, of curtains and scanners
   double response = 0;                          ///< s, of the device
-  double opening = 0;                           ///< m, the largest opening in it
-  std::string opening_shape = "round";          ///< slot, square, round
-  double opening_height = 0;                    ///< m
-  std::string measure;                          ///< what else protects there, in words
+  bool resolution_given = false, response_given = false;
+  double opening = 0;                   ///< m, the largest opening in it
+  std::string opening_shape = "round";  ///< slot, square, round
+  double opening_height = 0;            ///< m
+  std::string measure;                  ///< what else protects there, in words
 };
 
 struct CostRow {
@@ -238,7 +240,8 @@ struct Cell {
   double refill = -1;           ///< s, until a person has refilled the pallet and pressed START; below 0: never
   double door = 0;              ///< m, width of the door that modules pass; 0: none
   double control_response = 0;  ///< s, of safety controller and relays
-  double clearance = 0.01;      ///< m, least distance of bodies that is no collision
+  bool control_response_given = false;
+  double clearance = 0.01;  ///< m, least distance of bodies that is no collision
   std::string stop_category = "1";
   std::string open_sides;  ///< what protects where no guard stands, in words
 };

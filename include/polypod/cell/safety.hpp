@@ -78,6 +78,7 @@ struct Safety {
   std::vector<Hazard> hazards;
   std::vector<Problem> problems;  ///< guards too near, without another measure; ways past all guards
   std::vector<std::string> assumed;
+  std::vector<std::string> not_judged;  ///< what the distances of guards rest on and nobody has stated
 };
 
 /// `space` are points and short segments in C that moving parts come to, with their radius (layout.hpp); they are what

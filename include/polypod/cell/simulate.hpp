@@ -71,6 +71,7 @@ struct Outcome {
   int fed = 0;                              ///< items from sources
   int placed = 0;                           ///< items put into containers
   int missed = 0;                           ///< items that fell off the end of a belt
+  int left = 0;                             ///< items that left the cell on a belt that leads out of it
   int unseen = 0;                           ///< items that lay wholly in no picture
   int failed = 0;                           ///< grips that failed
   int filled = 0, emptied = 0, served = 0;  ///< containers
