@@ -251,6 +251,12 @@ void Report::add_table(const Table& table) {
   body_ += out;
 }
 
+std::string script_sources(bool scenes, bool live) {
+  return fmt::format("'sha256-{}'{}{}", viewer::page_sha256,
+                     live ? fmt::format(" 'sha256-{}'", viewer::live_sha256) : "",
+                     scenes ? fmt::format(" 'sha256-{}'", viewer::viewer_sha256) : "");
+}
+
 void Report::add_figure(const Figure& figure, const std::string& caption) {
   const std::string id = next_id();
   body_ += fmt::format(
@@ -320,11 +326,9 @@ std::string Report::to_html() const {
   page += "<meta name=\"generator\" content=\"Polypod\">\n";
   // Nothing from anywhere, and no script but the ones that this program has put here.
   page += fmt::format(
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'sha256-{}'{}{}; "
-      "style-src "
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src {}; style-src "
       "'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'{}\">\n",
-      viewer::page_sha256, live_ ? fmt::format(" 'sha256-{}'", viewer::live_sha256) : "",
-      scenes_ > 0 ? fmt::format(" 'sha256-{}'", viewer::viewer_sha256) : "", live_ ? "; connect-src 'self'" : "");
+      script_sources(scenes_ > 0, live_), live_ ? "; connect-src 'self'" : "");
   page += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   page += "<meta name=\"color-scheme\" content=\"light dark\">\n";
   page += fmt::format("<title>{}</title>\n<style>\n:root{{{}}}\n", escape(title_), svg::light_colours());

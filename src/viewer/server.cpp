@@ -6,7 +6,10 @@
 
 #include <atomic>
 #include <chrono>
+#include <string>
 #include <thread>
+
+#include "polypod/report/html.hpp"
 
 namespace polypod::viewer {
 
@@ -21,7 +24,7 @@ Status serve(const Site& site, const ServeOptions& options) {
   server.set_keep_alive_max_count(1000);
   constexpr time_t kKeepAlive = 2;  // s
   server.set_keep_alive_timeout(kKeepAlive);
-  constexpr std::size_t kThreads = 8;
+  constexpr std::size_t kThreads = 64;                                       // a connection that is slow holds one
   server.new_task_queue = [] { return new httplib::ThreadPool(kThreads); };  // the server owns it
   // The library's own default lets two servers share one port.
   server.set_socket_options([](socket_t socket) {
@@ -30,19 +33,23 @@ Status serve(const Site& site, const ServeOptions& options) {
   });
   int port = options.port;
   std::atomic<int> pages{0};
+  const std::string scripts = report::script_sources(true, true);
   const auto handle = [&](const httplib::Request& request, httplib::Response& response) {
-    const Response answer = site.answer({request.method, request.path, request.get_header_value("Host"),
-                                         request.get_header_value("Origin"), request.body},
-                                        port);
+    // A header that names two hosts or two origins names none.
+    const bool twice = request.get_header_value_count("Host") > 1 || request.get_header_value_count("Origin") > 1;
+    const Response answer = twice ? Response{403, "text/plain; charset=utf-8", "Host and Origin stand once.\n"}
+                                  : site.answer({request.method, request.path, request.get_header_value("Host"),
+                                                 request.get_header_value("Origin"), request.body},
+                                                port);
     response.status = answer.status;
     response.set_header("Cache-Control", "no-store");
     response.set_header("X-Content-Type-Options", "nosniff");
     response.set_header("X-Frame-Options", "DENY");
-    // Besides the policy in each page, whose hashes say which scripts run: nothing from elsewhere, whatever is served.
-    response.set_header(
-        "Content-Security-Policy",
-        "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
-        "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
+    // Besides the policy in each page: no script but those of this version, whatever a served file says.
+    response.set_header("Content-Security-Policy",
+                        "default-src 'none'; script-src " + scripts +
+                            "; style-src 'unsafe-inline'; img-src data: blob:; connect-src 'self'; base-uri 'none'; "
+                            "form-action 'none'; frame-ancestors 'none'");
     response.set_header("Referrer-Policy", "no-referrer");
     response.set_header("Cross-Origin-Resource-Policy", "same-origin");
     response.set_content(answer.body, answer.type.c_str());

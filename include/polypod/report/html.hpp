@@ -37,6 +37,10 @@ struct Table {
   bool folded = false;  ///< shut until the reader opens it (printed open)
 };
 
+/// The scripts that pages of this version may run, as a list of sources for a content security policy: that of every
+/// page, that of its scenes, that of pages which `polypod view` serves.
+std::string script_sources(bool scenes, bool live);
+
 /// A report in the order in which its parts are added. All text is escaped; the same calls give the same bytes.
 class Report {
  public:
