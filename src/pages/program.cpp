@@ -222,7 +222,7 @@ std::string program_page(const gcode::Understood& u, const std::string& version)
   }
   std::vector<std::string> notes = u.interpretation.notes;
   const double dwells = gcode::dwell_time(u.program, false);
-  if (dwells > 0) notes.push_back(fmt::format("Dwells (G4) take {} s more.", report::number(dwells, 4)));
+  if (dwells > 0) notes.push_back(fmt::format("Dwells (G4) take {:g} s more.", dwells));
   if (f.unknown > 0)
     notes.push_back(fmt::format("{} {} not drawn and not counted, because it is not known where {}.", count(f.unknown),
                                 f.unknown == 1 ? "move is" : "moves are", f.unknown == 1 ? "it begins" : "they begin"));

@@ -171,6 +171,10 @@ std::vector<double> whole_values(const Surface& s) {
   return {seen.begin(), seen.end()};
 }
 
+std::string value_text(double value) {
+  return fmt::format("{:.4g}", value);
+}
+
 report::Point3 point_of(const Vec3& p) {
   return {p.x(), p.y(), p.z()};
 }
@@ -217,10 +221,10 @@ report::Scene scene_of(const Surface& all, const Values& values, const std::stri
         }
       } else {
         constexpr int kBands = 8;
-        std::string from = report::number(values.low);
+        std::string from = value_text(values.low);
         for (int k = 1; k < kBands; ++k) scene.levels.push_back(values.low + (values.high - values.low) * k / kBands);
         for (int k = 0; k < kBands; ++k) {
-          const std::string to = report::number(k + 1 < kBands ? scene.levels[at(k)] : values.high);
+          const std::string to = value_text(k + 1 < kBands ? scene.levels[at(k)] : values.high);
           scene.kinds.push_back(fmt::format("{} {} to {}", all.value_name, from, to));
           from = to;
         }
@@ -360,7 +364,7 @@ Result<std::string> surface_page(const std::string& path, const std::string& ver
   }
   if (!s.value.empty())
     caption += fmt::format(" Coloured by {}, the first scalar at the points of the file, from {} to {}.", s.value_name,
-                           report::number(values.low, 5), report::number(values.high, 5));
+                           value_text(values.low), value_text(values.high));
   page.add_scene(drawn, caption, &turns);
   page.add_section("What this page does not answer");
   page.add_list({"Whether the surface is that of the part: nothing is compared.",
