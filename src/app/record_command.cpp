@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
 
+#include <fstream>
 #include <memory>
 #include <sstream>
 
@@ -17,7 +18,7 @@ namespace {
 struct Options {
   std::string folder, program, out, job;
   double time_limit = 600;
-  bool partial = false;
+  bool partial = false, live = false;
 };
 
 bool has_optional_blocks(const std::string& program) {
@@ -49,6 +50,9 @@ Command record_command() {
         a.option("--time-limit", o->time_limit, {1, 86400}, "s, of the whole run, which is in real time (default 600)");
         a.flag("--partial", o->partial,
                "Of a program that fails, keep the record up to there (exit status as without)");
+        a.flag("--live", o->live,
+               "Write the rows as they come, for `polypod view` and `polypod watch --follow`; of a run that fails they "
+               "stay");
       },
       [o](const Context& context) -> Result<int> {
         POLYPOD_TRY(check_files({o->program, o->job}, {o->out}, context.json));
@@ -59,6 +63,16 @@ Command record_command() {
           POLYPOD_ASSIGN(job, machining::read_job(o->job));
           options.parameters = control::work_offset_parameters(job);
           options.block_delete = job.block_delete;
+        }
+        std::ofstream growing;
+        if (o->live) {
+          if (files::is_standard_output(o->out)) {
+            return fail("AP274", "--live needs a file: rows that come while LinuxCNC runs are followed in it", {},
+                        "give -o a file");
+          }
+          growing.open(o->out, std::ios::binary | std::ios::trunc);
+          if (!growing) return fail("FI101", fmt::format("cannot write {}", one_line(o->out)));
+          options.rows = [&](std::string_view rows) { growing << rows << std::flush; };
         }
         double shown = 0;
         options.progress = [&](double seconds) {
@@ -72,7 +86,11 @@ Command record_command() {
         const auto record = control::record(o->folder, o->program, options);
         if (shown > 0) fmt::print(stderr, "\r\x1b[K");
         if (!record) return tl::unexpected(record.error());
-        POLYPOD_TRY(files::write_whole(o->out, record->csv));
+        if (!o->live) {
+          POLYPOD_TRY(files::write_whole(o->out, record->csv));
+        } else if (!growing) {
+          return fail("FI101", fmt::format("cannot write {}", one_line(o->out)));
+        }
         if (record->failed) {
           Error error = *record->failed;
           error.message += fmt::format("; the {:.3f} s up to there are in {}", record->seconds, one_line(o->out));

@@ -372,39 +372,65 @@ struct Sample {
   int line = 0;
 };
 
-Result<std::vector<Sample>> samples_of(const fs::path& file, std::size_t joints, std::size_t axes, double scale) {
-  std::vector<Sample> out;
-  std::ifstream in(file);
-  long last = -1;
-  for (std::string line; std::getline(in, line);) {
+/// The samples that LinuxCNC has written so far.
+class Samples {
+ public:
+  Samples(fs::path file, std::size_t joints, std::size_t axes, double scale)
+      : file_(std::move(file)), joints_(joints), axes_(axes), scale_(scale) {}
+
+  /// Those that came since. `all`: the file is whole, and its last line, if it can be read, is one without an end.
+  Status read_more(bool all) {
+    std::ifstream in(file_, std::ios::binary);
+    in.seekg(read_);
+    std::string text(std::istreambuf_iterator<char>(in), {});
+    std::size_t begin = 0;
+    for (std::size_t end = text.find('\n'); end != std::string::npos; end = text.find('\n', begin)) {
+      POLYPOD_TRY(take(text.substr(begin, end - begin), true));
+      read_ += static_cast<std::streamoff>(end + 1 - begin);
+      begin = end + 1;
+    }
+    if (all && begin < text.size()) return take(text.substr(begin), false);
+    return {};
+  }
+  [[nodiscard]] const std::vector<Sample>& list() const { return list_; }
+
+ private:
+  Status take(const std::string& line, bool has_end) {
     const char* at = line.c_str();
     char* next = nullptr;
     const long number = std::strtol(at, &next, 10);
-    const bool lost = next == at || (last >= 0 && number != last + 1);
+    const bool lost = next == at || (last_ >= 0 && number != last_ + 1);
     Sample s;
     at = next;
-    const auto take = [&](std::vector<double>& to, std::size_t count) {
+    const auto numbers = [&](std::vector<double>& to, std::size_t count) {
       for (std::size_t i = 0; i < count; ++i) {
-        to.push_back(std::strtod(at, &next) / scale);
+        to.push_back(std::strtod(at, &next) / scale_);
         if (next == at) return false;
         at = next;
       }
       return true;
     };
-    const bool whole = !lost && take(s.joints, joints) && take(s.axes, axes);
+    const bool whole = !lost && numbers(s.joints, joints_) && numbers(s.axes, axes_);
     if (whole) s.line = static_cast<int>(std::strtol(at, &next, 10));
     if (!whole || next == at) {
-      if (in.eof()) break;  // the last line may be cut
+      if (!has_end) return {};  // the last line may be cut
       return fail("LC118",
-                  fmt::format("samples were lost after {:.3f} s: {}", kServoPeriod * static_cast<double>(out.size()),
+                  fmt::format("samples were lost after {:.3f} s: {}", kServoPeriod * static_cast<double>(list_.size()),
                               one_line(line)),
                   {}, "the machine is too busy; try again");
     }
-    last = number;
-    out.push_back(std::move(s));
+    last_ = number;
+    list_.push_back(std::move(s));
+    return {};
   }
-  return out;
-}
+
+  fs::path file_;
+  std::size_t joints_, axes_;
+  double scale_;
+  std::streamoff read_ = 0;
+  long last_ = -1;
+  std::vector<Sample> list_;
+};
 
 void write_number(std::string& out, double value, int digits) {
   std::string text = fmt::format("{:.{}f}", value, digits);
@@ -413,62 +439,81 @@ void write_number(std::string& out, double value, int digits) {
   out += text;
 }
 
-Record record_of(const Configuration& c, const std::vector<Sample>& samples, int digits) {
-  Record out;
-  const machine::Task task = kinematics::task(c.machine);
-  out.csv = "time_s,line,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg";
-  for (int i = 0; i < c.joints; ++i) out.csv += fmt::format(",q{}", i + 1);
-  out.csv += "\n";
-  if (samples.size() <= kLag) return out;
-  const std::size_t rows = samples.size() - kLag;
-  // Before the first change and behind the last one nothing happens.
-  const auto differs = [&](std::size_t k) {
-    return samples[k].axes != samples[k + 1].axes || samples[k + kLag].joints != samples[k + kLag + 1].joints;
-  };
-  std::size_t begin = 0, end = rows;
-  while (begin + 1 < rows && !differs(begin)) ++begin;
-  while (end > begin + 1 && !differs(end - 2)) --end;
-  if (begin + 1 >= rows) begin = 0, end = 1;  // a program without motion: one row
-  std::set<int> lines;
-  const bool follows = task.size() < 6 && !task.names_axis();
-  for (std::size_t k = begin; k < end; ++k) {
+/// Makes the rows of a record from samples as they come. Before the first change and behind the last one nothing
+/// happens: rows wait until something changes again.
+class Rows {
+ public:
+  Rows(const Configuration& c, int digits) : c_(c), digits_(digits), task_(kinematics::task(c.machine)) {
+    out_.csv = "time_s,line,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg";
+    for (int i = 0; i < c.joints; ++i) out_.csv += fmt::format(",q{}", i + 1);
+    out_.csv += "\n";
+  }
+
+  /// `samples`: those of the last call, and more.
+  void go_on(const std::vector<Sample>& samples) {
+    for (; seen_ + kLag + 1 < samples.size(); ++seen_) {
+      const bool differs = samples[seen_].axes != samples[seen_ + 1].axes ||
+                           samples[seen_ + kLag].joints != samples[seen_ + kLag + 1].joints;
+      if (!differs) continue;
+      if (out_.samples == 0) begin_ = next_ = seen_;
+      while (next_ <= seen_ + 1) add(samples, next_++);
+    }
+  }
+  /// A program without motion has one row.
+  void stand(const std::vector<Sample>& samples) {
+    if (samples.size() > kLag) add(samples, 0);
+  }
+  [[nodiscard]] bool empty() const { return out_.samples == 0; }
+  Record end() {
+    if (out_.samples > 0) out_.seconds = kServoPeriod * static_cast<double>(out_.samples - 1);
+    out_.lines = lines_.size();
+    return std::move(out_);
+  }
+  [[nodiscard]] const std::string& csv() const { return out_.csv; }
+
+ private:
+  void add(const std::vector<Sample>& samples, std::size_t k) {
     // The tip that the joints of this row give: weighted as they are.
     std::vector<double> axes = samples[k].axes;
     const std::vector<double>&before = samples[k > 0 ? k - 1 : 0].axes, &behind = samples[k + 1].axes;
     for (std::size_t i = 0; i < axes.size(); ++i) axes[i] += (before[i] - 2 * axes[i] + behind[i]) / 6;
     const std::vector<double>& joints = samples[k + kLag].joints;
     double coordinates[6] = {0, 0, 0, 0, 0, 0};
-    if (follows) {
+    if (task_.size() < 6 && !task_.names_axis()) {
       std::vector<double> given;
-      for (int i = 0; i < task.size(); ++i) {
+      for (int i = 0; i < task_.size(); ++i) {
         const double value = axes[static_cast<std::size_t>(i)];
-        given.push_back(task.is_angle(i) ? units::from_deg(value) : units::from_mm(value));
+        given.push_back(task_.is_angle(i) ? units::from_deg(value) : units::from_mm(value));
       }
-      machine::JointVector q(c.joints);
-      for (int i = 0; i < c.joints; ++i) {
+      machine::JointVector q(c_.joints);
+      for (int i = 0; i < c_.joints; ++i) {
         const double value = joints[static_cast<std::size_t>(i)];
-        q[i] = kinematics::joint_kind(c.machine, i) == machine::JointKind::revolute ? units::from_deg(value)
-                                                                                    : units::from_mm(value);
+        q[i] = kinematics::joint_kind(c_.machine, i) == machine::JointKind::revolute ? units::from_deg(value)
+                                                                                     : units::from_mm(value);
       }
-      const Pose X = kinematics::settled(c.machine, kinematics::pose_of(task, given), q);
+      const Pose X = kinematics::settled(c_.machine, kinematics::pose_of(task_, given), q);
       const Vec3 abc = angles_abc(X.R);
       for (int i = 0; i < 3; ++i) {
         coordinates[i] = units::to_mm(X.p[i]);
         coordinates[3 + i] = units::to_deg(abc[i]);
       }
     }
-    for (int i = 0; i < task.size(); ++i) coordinates[static_cast<int>(task[i])] = axes[static_cast<std::size_t>(i)];
-    out.csv += fmt::format("{:.3f},{}", kServoPeriod * static_cast<double>(k - begin), samples[k].line);
-    for (const double value : coordinates) write_number(out.csv, value, digits);
-    for (const double value : joints) write_number(out.csv, value, digits);
-    out.csv += "\n";
-    if (samples[k].line > 0) lines.insert(samples[k].line);
+    for (int i = 0; i < task_.size(); ++i) coordinates[static_cast<int>(task_[i])] = axes[static_cast<std::size_t>(i)];
+    out_.csv += fmt::format("{:.3f},{}", kServoPeriod * static_cast<double>(k - begin_), samples[k].line);
+    for (const double value : coordinates) write_number(out_.csv, value, digits_);
+    for (const double value : joints) write_number(out_.csv, value, digits_);
+    out_.csv += "\n";
+    ++out_.samples;
+    if (samples[k].line > 0) lines_.insert(samples[k].line);
   }
-  out.samples = end - begin;
-  out.seconds = kServoPeriod * static_cast<double>(end - begin - 1);
-  out.lines = lines.size();
-  return out;
-}
+
+  const Configuration& c_;
+  int digits_;
+  machine::Task task_;
+  std::size_t seen_ = 0, begin_ = 0, next_ = 0;
+  std::set<int> lines_;
+  Record out_;
+};
 
 /// What the driver left.
 Status verdict(const fs::path& scratch, const std::string& program) {
@@ -572,12 +617,27 @@ Result<Record> record(const std::string& folder, const std::string& program, con
   POLYPOD_TRY(write(dir / "driver.py", driver));
   POLYPOD_TRY(write(dir / "inside.sh", text_of_inside_sh));
   fs::permissions(dir / "driver.py", fs::perms(0755), error);
+  Samples samples(dir / "samples.txt", static_cast<std::size_t>(c.joints), c.letters.size(), scaled ? 1000.0 : 1.0);
+  Rows rows(c, scaled ? 9 : 6);
+  std::size_t shown = 0;
+  const auto show = [&] {
+    if (options.rows && rows.csv().size() > shown) options.rows(std::string_view(rows.csv()).substr(shown));
+    shown = rows.csv().size();
+  };
+  RecordOptions watching = options;
+  watching.progress = [&](double seconds) {
+    if (options.rows && samples.read_more(false)) {  // an error comes again at the end
+      rows.go_on(samples.list());
+      show();
+    }
+    return options.progress(seconds);
+  };
   const std::string beside = program == "-" ? "" : fs::absolute(program, error).parent_path().string();
   {
     Child run({"unshare", "--ipc", "--pid", "--net", "--mount", "--fork", "--kill-child", "--mount-proc", "bash",
                (dir / "inside.sh").string(), dir.string(), kModules, c.folder.string(), beside},
               dir / "linuxcnc.txt");
-    POLYPOD_TRY(stopped(wait_for(run, begin, options)));
+    POLYPOD_TRY(stopped(wait_for(run, begin, watching)));
     if (!fs::exists(dir / "result.txt", error) && text_of_file(dir / "linuxcnc.txt").starts_with("unshare:")) {
       return fail("LC111", "the system gives no namespaces: " + tail_of(dir / "linuxcnc.txt"), {},
                   "a record needs root with CAP_SYS_ADMIN; containers may lack it");
@@ -586,10 +646,12 @@ Result<Record> record(const std::string& folder, const std::string& program, con
   const Status ended = verdict(dir, program);
   const bool partial = !ended && options.partial && ended.error().id == "LC116";
   if (!partial) POLYPOD_TRY(ended);
-  POLYPOD_ASSIGN(samples, samples_of(dir / "samples.txt", static_cast<std::size_t>(c.joints), c.letters.size(),
-                                     scaled ? 1000.0 : 1.0));
-  if (partial && samples.size() <= kLag) return tl::unexpected(ended.error());
-  Record out = record_of(c, samples, scaled ? 9 : 6);
+  POLYPOD_TRY(samples.read_more(true));
+  if (partial && samples.list().size() <= kLag) return tl::unexpected(ended.error());
+  rows.go_on(samples.list());
+  if (rows.empty()) rows.stand(samples.list());
+  show();
+  Record out = rows.end();
   if (partial) out.failed = ended.error();
   return out;
 }

@@ -18,9 +18,9 @@
 #include "polypod/core/nearest_word.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/core/xml.hpp"
 #include "polypod/machine/arm_of_axes.hpp"
 #include "urdf_joint.hpp"
-#include "xml_scan.hpp"
 
 namespace polypod::machine {
 namespace {

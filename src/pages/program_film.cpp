@@ -267,7 +267,7 @@ void thin_out(report::Line3& line, std::size_t points) {
   if (box.isEmpty()) return;
   const double size = box.diagonal().norm();
   constexpr double kFirst = 5e-4, kMore = 1.5, kWhole = 0.2;
-  const bool tagged = line.tag.size() == line.points.size();
+  const bool tagged = line.tag.size() == line.points.size(), valued = line.value.size() == line.points.size();
   std::vector<std::size_t> kept;
   for (double least = kFirst * size; least < kWhole * size; least *= kMore) {
     kept.clear();
@@ -285,6 +285,9 @@ void thin_out(report::Line3& line, std::size_t points) {
       if ((here - last).norm() < least) continue;
       // A gap that is shorter than what is left out is none.
       if (gap && !kept.empty()) kept.push_back(at_gap);
+      // The stretch to here has the value of its beginning.
+      if (valued && !gap && !kept.empty() && kept.back() + 1 < i && line.value[kept.back()] != line.value[i - 1])
+        kept.push_back(i - 1);
       gap = false;
       kept.push_back(i);
       last = here;
@@ -294,43 +297,54 @@ void thin_out(report::Line3& line, std::size_t points) {
   report::Line3 out = line;
   out.points.clear();
   out.tag.clear();
+  out.value.clear();
   for (const std::size_t i : kept) {
     out.points.push_back(line.points[i]);
+    if (valued) out.value.push_back(line.value[i]);
     if (tagged) out.tag.push_back(line.tag[i]);
   }
   line = std::move(out);
 }
 
+report::Line3 path_of(const Pose& X_MW, const gcode::Program& program, const LongVector<gcode::Move>& moves, bool rapid,
+                      std::size_t points, const std::function<double(const gcode::Move&)>& value) {
+  report::Line3 way{rapid ? "rapids" : "path of the tool",
+                    {},
+                    rapid ? report::Colour::muted : report::Colour::blue,
+                    rapid ? 1.0 : 2.0};
+  Vec3 end = Vec3::Constant(kNaN);
+  double last = kNaN;
+  for (const gcode::Move& move : moves) {
+    if (!move.start_known || !ends_known(move) || (move.kind == gcode::MoveKind::rapid) != rapid) continue;
+    const int line = program.blocks[index(move.block)].line;
+    const double now = value ? value(move) : 0;
+    const auto put = [&](const Point3& p) {
+      way.points.push_back(p);
+      way.tag.push_back(line);
+      if (value) way.value.push_back(now);
+    };
+    constexpr double kSame = 1e-9;
+    const bool apart = !((move.start - end).norm() < kSame);
+    if (apart && !way.points.empty()) put({kNaN, kNaN, kNaN});
+    if (apart || now != last) put(in_mm(X_MW * move.start));
+    const double length = move.length();
+    constexpr double kStep = 0.1;  // rad
+    constexpr int kMostSteps = 256;
+    const int steps = move.kind == gcode::MoveKind::arc
+                          ? std::clamp(static_cast<int>(std::ceil(move.sweep / kStep)), 1, kMostSteps)
+                          : 1;
+    for (int k = 1; k <= steps; ++k) put(in_mm(X_MW * move.point(length * k / steps)));
+    end = move.end;
+    last = now;
+  }
+  thin_out(way, points);
+  return way;
+}
+
 void add_way(report::Scene& scene, const Pose& X_MW, const gcode::Program& program,
              const LongVector<gcode::Move>& moves, const ProgramWalk& walk, std::size_t points) {
   for (const bool rapid : {true, false}) {
-    report::Line3 way{rapid ? "rapids" : "path of the tool",
-                      {},
-                      rapid ? report::Colour::muted : report::Colour::blue,
-                      rapid ? 1.0 : 2.0};
-    Vec3 end = Vec3::Constant(kNaN);
-    for (const gcode::Move& move : moves) {
-      if (!move.start_known || !ends_known(move) || (move.kind == gcode::MoveKind::rapid) != rapid) continue;
-      const int line = program.blocks[index(move.block)].line;
-      const auto put = [&](const Point3& p) {
-        way.points.push_back(p);
-        way.tag.push_back(line);
-      };
-      constexpr double kSame = 1e-9;
-      if (!((move.start - end).norm() < kSame)) {
-        if (!way.points.empty()) put({kNaN, kNaN, kNaN});
-        put(in_mm(X_MW * move.start));
-      }
-      const double length = move.length();
-      constexpr double kStep = 0.1;  // rad
-      constexpr int kMostSteps = 256;
-      const int steps = move.kind == gcode::MoveKind::arc
-                            ? std::clamp(static_cast<int>(std::ceil(move.sweep / kStep)), 1, kMostSteps)
-                            : 1;
-      for (int k = 1; k <= steps; ++k) put(in_mm(X_MW * move.point(length * k / steps)));
-      end = move.end;
-    }
-    thin_out(way, points);
+    report::Line3 way = path_of(X_MW, program, moves, rapid, points);
     if (!way.points.empty()) scene.lines.push_back(std::move(way));
   }
   report::Line3 lost{"where the machine does not get", {}, report::Colour::vermillion, 3.5, true};

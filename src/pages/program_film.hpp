@@ -77,8 +77,13 @@ std::size_t pictures_for(const machine::AnyMachine& machine);
 void add_way(report::Scene& scene, const Pose& X_MW, const gcode::Program& program,
              const LongVector<gcode::Move>& moves, const ProgramWalk& walk, std::size_t points);
 
-/// Leaves out points that lie near to the one before, with their tags, until about `points` are left; points that are
-/// not finite interrupt the line and stay.
+/// The feeds or the rapids in M, mm, with the lines of the program, thinned out to about `points` points. `value`: of
+/// each move, for Scene::ramp.
+report::Line3 path_of(const Pose& X_MW, const gcode::Program& program, const LongVector<gcode::Move>& moves, bool rapid,
+                      std::size_t points, const std::function<double(const gcode::Move&)>& value = {});
+
+/// Leaves out points that lie near to the one before, with their tags and values, until about `points` are left; points
+/// that are not finite interrupt the line and stay. A value changes where a stretch begins that is not near.
 void thin_out(report::Line3& line, std::size_t points);
 
 /// The twelve edges of a box of W (m), in M.

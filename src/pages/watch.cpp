@@ -119,6 +119,7 @@ class Page {
                          : !o_.ok   ? Verdict::bad
                                     : (o_.not_judged.empty() ? Verdict::good : Verdict::neutral);
     report_.add_verdict(good, text + ".");
+    if (!o_.live.empty()) report_.add_links({{o_.live, "Follow the record as it grows"}});
     for (const std::string& n : o_.not_judged)
       report_.add_verdict(Verdict::neutral, "Not judged: " + with_symbols(n) + ".");
     std::vector<report::KeyFigure> figures;

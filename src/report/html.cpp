@@ -103,6 +103,7 @@ footer pre{white-space:pre-wrap}
 #live label{display:grid;grid-template-columns:1fr 9.5em 2.4em;gap:.5rem;align-items:center;font-size:.93rem} #live label.wide{display:grid;grid-template-columns:2em 1fr 9.5em 2.4em}
 #live label.wide input[type=range]{width:100%;min-width:0;accent-color:var(--blue)}
 #live input[type=number]{font:inherit;width:100%;padding:3px 6px;border:1px solid var(--rule);border-radius:5px;background:var(--ground);color:var(--ink);text-align:right;font-variant-numeric:tabular-nums}
+#live .beyond{color:color-mix(in srgb,var(--vermillion) 75%,var(--ink));font-weight:600}
 #live button{justify-self:start;font:inherit;min-height:30px;padding:2px 12px;border:1px solid var(--rule);border-radius:6px;background:var(--ground);color:var(--ink);cursor:pointer}
 @media screen{
 /* A picture that turns has a layer of its own, and figures out of sight are not painted with each of its frames. */

@@ -11,6 +11,7 @@
 #include <random>
 
 #include "meshes.hpp"
+#include "polypod/bodies/stl.hpp"
 
 namespace polypod::bodies {
 namespace {
@@ -166,6 +167,23 @@ TEST(Stl, OfBothKindsIsReadAndDamagedOnesAreNot) {
   EXPECT_EQ(read(text.substr(0, text.size() / 2)).error().id, "BO112");
   EXPECT_EQ(read("no mesh").error().id, "BO112");
   EXPECT_EQ(read("").error().id, "BO112");
+}
+
+TEST(Stl, OpenSurfacesAreReadWithWhatTheyLack) {
+  const std::string vertex[3] = {"vertex 0 0 0\n", "vertex +1e0 0 -0\n", "vertex 0 1 0\n"};
+  const std::string facet =
+      "facet normal 0 0 1\nouter loop\n" + vertex[0] + vertex[1] + vertex[2] + "endloop\nendfacet\n";
+  const std::string flat =
+      "facet normal 0 0 1\nouter loop\n" + vertex[0] + vertex[1] + vertex[0] + "endloop\nendfacet\n";
+  const auto one = triangles_of_stl("solid of the vertex\n" + facet + flat + "endsolid\n", "a.stl");
+  ASSERT_TRUE(one) << to_string(one.error());
+  EXPECT_EQ(one->points.size(), 3U);
+  ASSERT_EQ(one->triangles.size(), 1U);
+  EXPECT_EQ(one->degenerate, 1U);
+  EXPECT_EQ(open_edges(one->triangles), 3U);
+  EXPECT_EQ(open_edges({{0, 1, 2}, {0, 2, 1}}), 0U);
+  EXPECT_EQ(open_edges({{0, 1, 2}, {0, 1, 2}}), 3U) << "twice in the same direction";
+  EXPECT_EQ(triangles_of_stl("solid a\n" + facet.substr(0, 60) + "x y z\nendsolid\n", "a.stl").error().id, "BO112");
 }
 
 }  // namespace

@@ -28,7 +28,7 @@ export interface LineData {
   dots: boolean;
   moves: boolean; // its points are those of the frames, where there are any
   layer: string; // what a switch shows and hides together
-  points: string; // base64 of 32-bit floats, three a point; NaN interrupts
+  points: string | Float32Array; // three a point; NaN interrupts; in a page base64 of 32-bit floats
   value?: string; // base64 of 32-bit floats, one a point: the colour
   tag?: number[]; // what each point belongs to, e.g. the line of a program
 }

@@ -7,6 +7,8 @@ import { dotMaterial, lineMaterial } from './materials';
 
 const kAway = 1e30; // where nothing is seen
 
+const pointsOf = (data: LineData): Float32Array => (typeof data.points === 'string' ? floats(data.points) : data.points.slice());
+
 export class Line {
   readonly points: Float32Array; // as they are shown
   readonly values: Float32Array | null;
@@ -16,8 +18,8 @@ export class Line {
   private readonly material: ShaderMaterial;
   private readonly geometry = new BufferGeometry();
 
-  constructor(readonly data: LineData, private readonly colourOf: ((value: number) => Color) | null, pixels: number, points?: Float32Array) {
-    this.given = points ?? floats(data.points);
+  constructor(public data: LineData, private readonly colourOf: ((value: number) => Color) | null, pixels: number, points?: Float32Array) {
+    this.given = points ?? pointsOf(data);
     this.points = this.given.slice();
     this.values = data.value === undefined ? null : floats(data.value);
     const n = this.points.length / 3, pairs: number[] = [];
@@ -35,6 +37,17 @@ export class Line {
     this.update();
   }
 
+  /** Takes the place of what it was, if it has as many points and the same gaps: no new geometry. */
+  becomes(data: LineData): boolean {
+    const now = this.data, points = pointsOf(data);
+    const same = data.dots === now.dots && data.stroke === now.stroke && data.value === undefined && now.value === undefined && points.length === this.given.length &&
+      points.every((x, i) => Number.isFinite(x) === Number.isFinite(this.given[i]!));
+    if (!same) return false;
+    this.data = data;
+    this.given.set(points);
+    this.set(points, 0);
+    return true;
+  }
   /** New points, e.g. of another frame. */
   set(points: ArrayLike<number>, from: number): void {
     for (let i = 0; i < this.points.length; ++i) this.points[i] = points[from + i]!;

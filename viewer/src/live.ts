@@ -1,5 +1,8 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// The form of a machine that `polypod view` serves: every figure that is typed is asked of the library in the server.
+// What `polypod view` serves: the form of a machine, where every figure that is typed is asked of the library in the
+// server, and records that grow (follow.ts).
+
+import { follow, type FollowData } from './follow';
 
 interface Setting {
   key: string;
@@ -260,6 +263,8 @@ function start(root: HTMLElement, data: LiveData): void {
   void ask({ pose });
 }
 
-if (host && text) start(host, JSON.parse(text) as LiveData);
-
-export {};
+if (host && text) {
+  const data = JSON.parse(text) as LiveData | FollowData;
+  if ('record' in data) follow(host, data);
+  else start(host, data);
+}

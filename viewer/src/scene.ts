@@ -3,7 +3,7 @@
 
 import { Color, ColorManagement, LinearSRGBColorSpace, Mesh, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from 'three';
 import { Box } from './box';
-import { type FramesData, floats, type LineData, type MeshData, type SceneData, unpacked } from './data';
+import { type FramesData, floats, type LineData, type MeshData, type SceneData, unpacked, type Vec } from './data';
 import { Line } from './lines';
 import { surfaceMaterial } from './materials';
 import { fixed, shown } from './numbers';
@@ -88,6 +88,7 @@ export class Picture {
   private readonly text = element('p', 'now');
   private readonly jumps: (((index: number) => void) | null)[] = [];
   private follows = false;
+  private readonly hidden = new Set<string>(); // layers that are switched off
 
   /** Throws where the browser has no WebGL. */
   constructor(private readonly figure: HTMLElement, private readonly canvas: HTMLCanvasElement, private data: SceneData, private readonly tip: Tip) {
@@ -165,26 +166,24 @@ export class Picture {
       entry.append(swatch, kind.name);
       legend.append(entry);
     }
-    const switches = new Map<string, { swatch: HTMLElement; objects: { visible: boolean }[] }>();
-    const layer = (name: string, colour: string, object: { visible: boolean }, dots: boolean): void => {
-      if (name === '') return;
-      const known = switches.get(name);
-      if (known) {
-        known.objects.push(object);
-        return;
-      }
+    const switches = new Map<string, HTMLElement>();
+    const layer = (name: string, colour: string, dots: boolean): void => {
+      if (name === '' || switches.has(name)) return;
       const swatch = element('i', dots ? 'dot' : 'line');
       swatch.style.background = colour;
-      switches.set(name, { swatch, objects: [object] });
+      switches.set(name, swatch);
     };
-    this.data.meshes.forEach((m, k) => layer(m.name, 'var(--muted)', this.surfaces[k]!.mesh, false));
-    for (const line of this.lines) layer(line.data.layer, line.values ? 'var(--orange)' : `var(--${line.data.colour})`, line.object, line.data.dots);
-    for (const [name, { swatch, objects }] of switches) {
+    for (const mesh of this.data.meshes) layer(mesh.name, 'var(--muted)', false);
+    for (const line of this.lines) layer(line.data.layer, line.values ? 'var(--orange)' : `var(--${line.data.colour})`, line.data.dots);
+    for (const [name, swatch] of switches) {
       const entry = element('li', ''), label = element('label', ''), box = element('input', '');
       box.type = 'checkbox';
       box.checked = true;
       box.addEventListener('change', () => {
-        for (const object of objects) object.visible = box.checked;
+        if (box.checked) this.hidden.delete(name);
+        else this.hidden.add(name);
+        this.data.meshes.forEach((mesh, k) => { if (mesh.name === name) this.surfaces[k]!.mesh.visible = box.checked; });
+        for (const line of this.lines) if (line.data.layer === name) line.object.visible = box.checked;
         this.request();
       });
       label.append(box, swatch, name);
@@ -361,18 +360,29 @@ export class Picture {
 
   /** Other lines in the place of those that are shown. */
   setLines(lines: LineData[]): void {
-    const hidden = new Set(this.lines.filter((l) => !l.object.visible).map((l) => l.data.layer));
-    for (const line of this.lines) {
+    const before = this.lines;
+    this.lines = lines.map((data, k) => {
+      const old = before[k];
+      if (old?.becomes(data)) return old;
+      const line = new Line(data, null, this.pixels);
+      this.scene.add(line.object);
+      line.resize(this.width, this.tall);
+      return line;
+    });
+    for (const line of before) {
+      if (this.lines.includes(line)) continue;
       this.scene.remove(line.object);
       line.dispose();
     }
-    this.lines = lines.map((line) => new Line(line, null, this.pixels));
-    for (const line of this.lines) {
-      line.object.visible = !hidden.has(line.data.layer);
-      this.scene.add(line.object);
-      line.resize(this.width, this.tall);
-    }
+    for (const line of this.lines) line.object.visible = !this.hidden.has(line.data.layer);
     this.theme();
+  }
+
+  /** Another box of axes. */
+  setBox(low: Vec, high: Vec): void {
+    this.data = { ...this.data, low, high };
+    this.box.change(this.data);
+    this.view.setBox(low, high);
   }
 
   /** Another scene in the place of this one, seen from where this one was. */
@@ -382,6 +392,7 @@ export class Picture {
       mesh.geometry.dispose();
     }
     this.surfaces.length = 0;
+    this.hidden.clear();
     this.data = data;
     for (const mesh of data.meshes) this.addMesh(mesh);
     this.box.change(data);

@@ -9,7 +9,7 @@
 // the curves have a cursor that goes along, and the figures are those of the command's JSON.
 import assert from 'node:assert/strict';
 import { spawn, spawnSync } from 'node:child_process';
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { appendFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from 'node:fs';
 import { get } from 'node:http';
 import { tmpdir } from 'node:os';
 import { dirname, join, resolve } from 'node:path';
@@ -407,14 +407,110 @@ async function jointsAreThoseOfTheJson(name, file, json) {
   await context.close();
 }
 
+/** `polypod view` with its address. */
+const start = (...words) => new Promise((done) => {
+  const child = spawn(program, ['view', ...words], { cwd: root, stdio: ['ignore', 'pipe', 'pipe'] });
+  const ended = new Promise((end) => child.on('exit', (code, signal) => end({ code, signal })));
+  child.stdout.once('data', (text) => done({ child, ended, address: String(text).trim() }));
+  child.on('exit', () => done({ child, ended, address: '' }));
+});
+
+/** A page of the server: it comes alive, says nothing on the console, asks nobody else, has no serious fault, fits 390 px. */
+async function served(name, address, act) {
+  for (const width of [1200, 390]) {
+    const context = await browser.newContext({ viewport: { width, height: 900 } });
+    const page = await context.newPage();
+    const messages = [], requests = [];
+    page.on('console', (m) => ['error', 'warning'].includes(m.type()) && messages.push(m.text()));
+    page.on('pageerror', (e) => messages.push(String(e)));
+    page.on('request', (q) => requests.push(q.url()));
+    await page.goto(address);
+    check(name, (await page.waitForSelector('figure.scene.live', { timeout: 20000 }).catch(() => null)) !== null, 'its scene does not come alive');
+    if (width === 1200) await act(page);
+    await judge(`${name}, axe`, page);
+    const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+    check(name, wide <= width, `at ${width} px it is ${wide} px wide`);
+    check(name, messages.length === 0, `the console says: ${messages.join(' | ')}`);
+    const origin = new URL(address).origin;
+    check(name, requests.every((url) => url.startsWith(origin)), `it asks for ${requests.join(' ').slice(0, 300)}`);
+    await context.close();
+  }
+}
+
+/** Surfaces, a program without its job, and a record that grows. */
+async function whatIsServed() {
+  const surface = join(out, 'surface');
+  spawnSync(program, ['workspace', 'hexapod-strut', '--tilt', '20', '--rel-tol', '0.2', '--resolution', '8', '--stl', `${surface}.stl`, '--vtp', `${surface}.vtp`], { cwd: root });
+  const [head, ...rows] = readFileSync(record, 'utf8').trim().split('\n');
+  const live = join(out, 'live.csv');
+  writeFileSync(live, `${head}\n`);
+  const { child, ended, address } = await start(`${surface}.stl`, `${surface}.vtp`, `${square}/program.ngc`, live, 'hexapod-strut');
+  // The records come first.
+  await served('view: an STL file', `${address}1`, async (page) => {
+    check('view: an STL file', (await page.locator('main').innerText()).includes('The surface is closed'), 'the workspace is not closed');
+  });
+  await served('view: a VTP file', `${address}2`, async (page) => {
+    check('view: a VTP file', (await page.locator('.legend').innerText()).includes('limit '), 'it has no legend of its limits');
+  });
+  await served('view: a program', `${address}3`, async (page) => {
+    const row = page.locator('tr.picks').nth(2);
+    await page.locator('figure.scene').first().scrollIntoViewIfNeeded();
+    check('view: a program', await turned(page, () => row.evaluate((e) => e.click())), 'a line that is picked does not show in the path');
+  });
+  const name = 'view: a growing record';
+  await served(name, `${address}0/live`, async (page) => {
+    await page.getByText('The record has no rows yet').waitFor({ timeout: 10000 });
+    // A hundred rows a second, each with the time at which it is written, along the motion there and back.
+    const begin = Date.now();
+    let written = 0;
+    const write = () => {
+      let text = '';
+      for (; written < (Date.now() - begin) / 10; ++written) {
+        const there = (10 * written) % (2 * rows.length - 2);
+        text += `${written / 100},${rows[there < rows.length ? there : 2 * rows.length - 2 - there].split(',').slice(1).join(',')}\n`;
+      }
+      if (text !== '') appendFileSync(live, text);
+    };
+    const writer = setInterval(write, 10);
+    const second = await (await browser.newContext()).newPage();
+    await page.waitForFunction(() => /[0-9] s/.test(document.querySelector('#live .reading')?.textContent ?? ''), null, { timeout: 10000 });
+    const frames = () => page.evaluate(() => globalThis.polypodScenes[0].renderer.info.render.frame);
+    const kSeconds = 5;
+    const before = await frames(), since = Date.now();
+    await page.waitForTimeout(1000 * kSeconds);
+    const rate = ((await frames()) - before) / ((Date.now() - since) / 1000);
+    console.log(`${name}: ${rate.toFixed(1)} pictures a second`);
+    check(name, rate > 5, `${rate.toFixed(1)} pictures a second`);
+    const shown = () => page.locator('#live .reading dd').first().innerText().then(parseFloat);
+    const late = (Date.now() - begin) / 1000 - (await shown());
+    check(name, late < 1, `it is ${late} s behind`);
+    check(name, (await page.evaluate(() => globalThis.polypodScenes[0].lines.find((l) => l.data.layer === 'path of the tip').points.length / 3)) > 50, 'the tip has no path');
+    await second.goto(`${address}0/live`);
+    await second.waitForFunction(() => /[0-9] s/.test(document.querySelector('#live .reading')?.textContent ?? ''), null, { timeout: 10000 });
+    check(name, (await second.locator('#live .still').innerText()).includes('rows read'), 'a second browser sees nothing');
+    await second.context().close();
+    await page.getByRole('button', { name: 'Pause' }).click();
+    const paused = await shown();
+    await page.waitForTimeout(300);
+    check(name, (await shown()) === paused, 'paused it goes on');
+    await page.getByRole('button', { name: 'Go on' }).click();
+    clearInterval(writer);
+    appendFileSync(live, '9999,7,0');
+    await page.getByText(/No new row for [3-9] s. Its last line has no end yet \(8 bytes\)/).waitFor({ timeout: 10000 });
+    // Begun anew, with a leg beyond its limit.
+    const broken = rows[0].split(',');
+    broken[8] = '99';
+    writeFileSync(live, `${head}\n${broken.join(',')}\n`);
+    await page.getByText('Not within the limits').waitFor({ timeout: 10000 });
+    check(name, (await page.locator('#live .still').innerText()).startsWith('1 rows read'), `begun anew it says ${await page.locator('#live .still').innerText()}`);
+    check(name, (await page.locator('#live dd.beyond').count()) === 1, 'the joint beyond its limit is not marked');
+  });
+  child.kill('SIGINT');
+  check(name, (await ended).code === 130, 'Ctrl-C does not end it');
+}
+
 /** `polypod view`: the form against `polypod ik`, its manners, and its end. */
 async function theServer() {
-  const start = (...words) => new Promise((done) => {
-    const child = spawn(program, ['view', ...words], { cwd: root, stdio: ['ignore', 'pipe', 'pipe'] });
-    const ended = new Promise((end) => child.on('exit', (code, signal) => end({ code, signal })));
-    child.stdout.once('data', (text) => done({ child, ended, address: String(text).trim() }));
-    child.on('exit', () => done({ child, ended, address: '' }));
-  });
   const name = 'view';
   const { child, ended, address } = await start('hexapod-strut');
   check(name, /^http:\/\/127\.0\.0\.1:\d+\/$/.test(address), `it prints ${address}`);
@@ -582,7 +678,10 @@ try {
       await step(`${name}: policy`, () => seesFaults(file));
     }
   }
-  if (option('--only') === undefined || option('--only') === 'view') await step('view', theServer);
+  if (option('--only') === undefined || option('--only') === 'view') {
+    await step('view', theServer);
+    await step('view: pages', whatIsServed);
+  }
   if (option('--only') === undefined) await step('report', theIndex);
 } finally {
   await browser.close();

@@ -5,6 +5,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "polypod/core/error.hpp"
 
@@ -21,6 +22,9 @@ struct RecordOptions {
   bool block_delete = true;  ///< whether blocks that begin with / are left out, as LinuxCNC starts
   /// Of a program that fails (LC116) what was recorded up to there, with Record::failed; else an error alone.
   bool partial = false;
+  /// Called with the beginning of Record::csv, and then with what it got since, some twenty times a second while
+  /// LinuxCNC runs. While nothing moves no rows come: whether they belong to the record is known when it moves again.
+  std::function<void(std::string_view)> rows;
   /// Asked some twenty times a second with the seconds since the start; false ends everything (LC119).
   std::function<bool(double)> progress = [](double) { return true; };
 };

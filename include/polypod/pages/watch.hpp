@@ -19,6 +19,7 @@ struct WatchPageOptions {
   std::string answer;  ///< the sentence of the command
   std::vector<std::string> not_judged;
   std::string version, command;
+  std::string live;  ///< address, on the server of the page, that follows the record as it grows; empty: none
   /// The machine and the rows that the watch is of: then the machine moves along the record. Must outlive the call.
   const machine::AnyMachine* moving = nullptr;
   const std::vector<control::RecordRow>* rows = nullptr;

@@ -30,17 +30,18 @@ struct Response {
 /// The given files, and nothing else: addresses are numbers, so no request names a path.
 class Site {
  public:
-  /// Machine files and names of the catalogue, reports (.html) that Polypod has written, programs with the job that is
-  /// given beside them, records (.csv) with the one machine that is given beside them, cells (their documentation with
-  /// the cell in motion; judged anew for each page, a second or two). Errors: VW100 (no file), VW101 (a kind of file
-  /// that is not shown), VW102 (a job without a program, a program without a job, two jobs), VW103 (an .html file that
-  /// is no report of Polypod), VW104 (a record without its machine, or with two), and those of the readers.
+  /// Machine files and names of the catalogue, reports (.html) that Polypod has written, programs (with the job that is
+  /// given beside them, or alone), records (.csv) with the one machine that is given beside them, cells (their
+  /// documentation with the cell in motion; judged anew for each page, a second or two), surfaces (.stl, .vtp). Errors:
+  /// VW100 (no file), VW101 (a kind of file that is not shown), VW102 (a job without a program, two jobs), VW103 (an
+  /// .html file that is no report of Polypod), VW104 (a record without its machine, or with two), and those of the
+  /// readers.
   static Result<Site> of(const std::vector<std::string>& files, const std::string& version);
 
   /// The answer to a request. `port` is the server's own: Host must be 127.0.0.1 or localhost with it, Origin (if there
   /// is one) the same as an address: 403 otherwise. Files are read anew. Called from several threads. Cost: a pose
-  /// below 10 ms; a workspace until its bounds are within 1 % or 30 000 boxes were examined; a program as long as
-  /// `correct`, a record as `watch`.
+  /// below 10 ms; a workspace until its bounds are within 1 % or 30 000 boxes were examined; a program with its job as
+  /// long as `correct`, a record as `watch`; rows of a growing record some ms, of a megabyte of it at most.
   [[nodiscard]] Response answer(const Request& request, int port) const;
 
   /// Long answers end early.
@@ -48,8 +49,8 @@ class Site {
 
  private:
   struct Item {
-    enum class Kind { machine, report, program, record, cell } kind = Kind::machine;
-    std::string path, beside;  ///< the job of a program, the machine of a record
+    enum class Kind { machine, report, program, record, cell, surface } kind = Kind::machine;
+    std::string path, beside;  ///< the job of a program (empty: none), the machine of a record
   };
   /// What each page of a browser asked for last: what it asked for before has no reader any more.
   class Runs {
@@ -67,7 +68,8 @@ class Site {
   };
   [[nodiscard]] Response page(std::size_t item) const;
   [[nodiscard]] Response list() const;
-  [[nodiscard]] std::string live_data(const machine::AnyMachine& machine, std::size_t item) const;
+  /// The page that follows a record.
+  [[nodiscard]] Response live_page(std::size_t item) const;
   [[nodiscard]] Result<std::string> ask(const Item& item, const std::string& what, const std::string& body) const;
 
   std::vector<Item> items_;

@@ -1,5 +1,5 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-#include "xml_scan.hpp"
+#include "polypod/core/xml.hpp"
 
 #include <fmt/format.h>
 
@@ -7,12 +7,12 @@
 
 #include "polypod/core/text.hpp"
 
-namespace polypod::machine::xml {
+namespace polypod::xml {
 namespace {
 
 constexpr std::string_view kSpace = " \t\r\n";
-constexpr int kKeptDepth = 3, kMostDepth = 64;
-constexpr std::size_t kMostBytes = 16U << 20U, kMostElements = 200'000, kMostAttributes = 100;
+constexpr int kMostDepth = 64;
+constexpr std::size_t kMostElements = 200'000, kMostAttributes = 100;
 
 bool is_space(char c) {
   return kSpace.find(c) != std::string_view::npos;
@@ -27,11 +27,13 @@ bool in_name(char c) {
 
 class Scanner {
  public:
-  Scanner(std::string_view text, const std::string& file) : text_(text), file_(file) {}
+  Scanner(std::string_view text, const std::string& file, const Bounds& bounds)
+      : text_(text), file_(file), bounds_(bounds) {}
 
   Result<std::vector<Element>> run() {
-    if (text_.size() > kMostBytes) {
-      return fail("MA181", fmt::format("{} bytes, but at most {} are read", text_.size(), kMostBytes), {file_, 0, 0});
+    if (text_.size() > bounds_.bytes) {
+      return fail("MA181", fmt::format("{} bytes, but at most {} are read", text_.size(), bounds_.bytes),
+                  {file_, 0, 0});
     }
     if (const std::size_t nul = text_.find('\0'); nul != std::string_view::npos) {
       at_ = 0;
@@ -101,7 +103,7 @@ class Scanner {
     if (rest().starts_with("<?")) return skip_behind("?>", "a processing instruction");
     if (rest().starts_with("<!")) {
       return fail("MA181", "a document type (<!DOCTYPE ...>): its entities are not read", here(),
-                  "leave it out; a URDF file needs none");
+                  "leave it out; it is needed nowhere");
     }
     if (rest().starts_with("</")) return end_tag();
     return start_tag();
@@ -184,7 +186,7 @@ class Scanner {
     seen_root_ = true;
     const bool empty = rest().starts_with("/>");
     int kept = -1;
-    if (element.depth <= kKeptDepth) {
+    if (element.depth <= bounds_.depth) {
       if (out_.size() >= kMostElements) {
         return fail("MA181", fmt::format("more than {} elements", kMostElements), here());
       }
@@ -193,12 +195,14 @@ class Scanner {
       out_.push_back(element);
     }
     step(empty ? 2 : 1);
+    if (!empty && kept >= 0) out_.back().content = rest().substr(0, rest().find('<'));
     if (!empty) open_.push_back({tag, element.line, element.column, kept});
     return {};
   }
 
   std::string_view text_;
   const std::string& file_;
+  const Bounds& bounds_;
   std::size_t at_ = 0, line_begin_ = 0;
   int line_ = 1;
   bool seen_root_ = false;
@@ -219,8 +223,8 @@ std::string shown(std::string_view text) {
   return one_line(text.substr(0, kMost));
 }
 
-Result<std::vector<Element>> scan(std::string_view text, const std::string& file) {
-  return Scanner(text, file).run();
+Result<std::vector<Element>> scan(std::string_view text, const std::string& file, const Bounds& bounds) {
+  return Scanner(text, file, bounds).run();
 }
 
-}  // namespace polypod::machine::xml
+}  // namespace polypod::xml
