@@ -316,6 +316,16 @@ Response record_page(const std::string& path, const std::string& machine, const 
   return {200, "text/html; charset=utf-8", pages::watch_page(*watch, nullptr, nullptr, how)};
 }
 
+/// A page that Polypod has written. Errors: FI100, VW103.
+Result<std::string> report_of(const std::string& path) {
+  POLYPOD_ASSIGN(text, files::read(path));
+  if (text.find("<meta name=\"generator\" content=\"Polypod\">") == std::string::npos) {
+    return fail("VW103", fmt::format("{} is no page that Polypod has written", path), {},
+                "open other pages in a browser of your own");
+  }
+  return text;
+}
+
 }  // namespace
 
 Site::Runs::Run Site::Runs::next(const std::string& client) {
@@ -342,11 +352,7 @@ Result<Site> Site::of(const std::vector<std::string>& files, const std::string& 
   for (const std::string& file : files) {
     const std::string end = ending_of(file);
     if (end == ".html" || end == ".htm") {
-      POLYPOD_ASSIGN(text, files::read(file));
-      if (text.find("<meta name=\"generator\" content=\"Polypod\">") == std::string::npos) {
-        return fail("VW103", fmt::format("{} is no page that this version of Polypod has written", file), {},
-                    "open other pages in a browser of your own");
-      }
+      POLYPOD_TRY(report_of(file));
       site.items_.push_back({Item::Kind::report, file, ""});
     } else if (end == ".ngc" || end == ".nc" || end == ".tap" || end == ".gcode") {
       programs.push_back(file);
@@ -422,7 +428,7 @@ Response Site::page(std::size_t number) const {
   const Item& item = items_[number];
   const std::string name = name_of(item.path);
   if (item.kind == Item::Kind::report) {
-    const auto text = files::read(item.path);
+    const auto text = report_of(item.path);  // it may be another file by now
     return text ? Response{200, "text/html; charset=utf-8", *text} : error_page(name, text.error());
   }
   if (item.kind == Item::Kind::machine) {
@@ -543,10 +549,18 @@ Result<std::string> Site::ask(const Item& item, const std::string& what, const s
   document["volume_lower_mm3"] = volume.lower * 1e9;
   document["volume_upper_mm3"] = volume.upper * 1e9;
   document["proven"] = volume.proven;
+  const std::string bounds =
+      fmt::format("{} between {} and {} mm³", volume.proven ? "certainly" : "by a sample with 95 %", mm3(volume.lower),
+                  mm3(volume.upper));
   document["volume"] = volume.empty ? std::string("No point is reachable. This is proven.")
-                                    : fmt::format("{} mm³, {} between {} and {} mm³.", mm3(volume.volume),
-                                                  volume.proven ? "certainly" : "by a sample with 95 %",
-                                                  mm3(volume.lower), mm3(volume.upper));
+                                    : fmt::format("{} mm³, {}.", mm3(volume.volume), bounds);
+  // Where so few boxes leave the bounds wide, a sample says more, and proves nothing.
+  if (volume.proven && !volume.empty && volume.upper - volume.lower > options.relative_tolerance * volume.volume) {
+    POLYPOD_ASSIGN(sample, workspace::sampled_volume(m, options));
+    document["volume_sample_mm3"] = sample.volume * 1e9;
+    document["volume"] = fmt::format("About {} mm³ (by a sample, with 95 % between {} and {}); {}.", mm3(sample.volume),
+                                     mm3(sample.lower), mm3(sample.upper), bounds);
+  }
   return with_scene(document, scene);
 }
 

@@ -17,6 +17,7 @@
 #include "paths.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/report/html.hpp"
 
 namespace polypod::viewer {
 namespace {
@@ -238,6 +239,32 @@ TEST(Site, BearsAnyQuestion) {
     EXPECT_EQ(r.status, 200);
     EXPECT_TRUE(json::accept(r.body)) << body;
   }
+}
+
+// A page that was given is another file by the time it is asked for.
+TEST(Site, WhatIsServedIsStillAPageOfPolypod) {
+  const std::string path = std::string(::testing::TempDir()) + "/given.html";
+  std::ofstream(path) << report::Report("given", "").to_html();
+  const auto site = Site::of({path}, "");
+  ASSERT_TRUE(site) << to_string(site.error());
+  const auto body = [&] { return site->answer({"GET", "/0", "127.0.0.1:4711", "", ""}, kPort).body; };
+  EXPECT_NE(body().find("<h1>given</h1>"), std::string::npos);
+  std::ofstream(path) << "root:x:0:0";
+  EXPECT_EQ(body().find("root:x"), std::string::npos);
+  EXPECT_NE(body().find("VW103"), std::string::npos);
+}
+
+// An arm's bounds stay wide with few boxes: a sample is said beside them, and lies within.
+TEST(Site, AWorkspaceOfAnArmHasASampleBesideItsBounds) {
+  const Site site = site_of({"puma560"});
+  const json pose = json::parse(site.answer(post("/0/pose", {{"joints", {0, -45, 180, 0, 0, 0}}}), kPort).body);
+  ASSERT_TRUE(pose.contains("pose")) << pose;
+  const json answer = json::parse(site.answer(post("/0/workspace", {{"pose", pose["pose"]}}), kPort).body);
+  ASSERT_TRUE(answer.contains("volume_sample_mm3")) << answer.dump().substr(0, 300);
+  EXPECT_TRUE(answer["proven"].get<bool>());
+  EXPECT_GE(answer["volume_sample_mm3"].get<double>(), answer["volume_lower_mm3"].get<double>());
+  EXPECT_LE(answer["volume_sample_mm3"].get<double>(), answer["volume_upper_mm3"].get<double>());
+  EXPECT_THAT(answer["volume"].get<std::string>(), HasSubstr("(by a sample, with 95 % between "));
 }
 
 TEST(Site, SaysWhatItDoesNotShow) {
