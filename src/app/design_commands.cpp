@@ -33,11 +33,11 @@ std::string beside(const std::string& folder, const char* name) {
   return (std::filesystem::path(folder) / name).string();
 }
 
-Json values_json(const Study& study, const Row& row) {
+Json values_json(const Study& study, const design::Evaluation& e) {
   Json out = Json::object();
   const std::vector<design::Figure> figures = study.figures();
   for (std::size_t i = 0; i < figures.size(); ++i)
-    out[design::info_of(figures[i]).name] = number_json(row.evaluation.figures[i].value);
+    out[design::info_of(figures[i]).name] = number_json(e.figures[i].value);
   return out;
 }
 
@@ -54,7 +54,7 @@ Json row_json(const Study& study, const Row& row) {
            {"state", design::name_of(e.state)},
            {"phase", design::name_of(row.phase)},
            {"parameters", parameters},
-           {"values", values_json(study, row)}};
+           {"values", values_json(study, e)}};
   if (!bounds.empty()) out["bounds"] = bounds;
   if (!study.wants_front()) {
     out["objective"] = number_json(e.objective.value);
@@ -160,73 +160,65 @@ void print_binding(const Study& study, const Row& row, bool in_search) {
              text);
 }
 
-/// What a finer survey says of the best machine.
-Json again_json(const Study& study, const design::JudgedAgain& again) {
-  Json values = Json::object();
-  const std::vector<design::Figure> figures = study.figures();
-  for (std::size_t i = 0; i < figures.size(); ++i)
-    values[design::info_of(figures[i]).name] = number_json(again.evaluation.figures[i].value);
-  const bool kept = again.evaluation.state == State::done;
-  return {{"resolution", again.resolution},
-          {"values", values},
-          {"holds_kept", kept},
-          {"reason", kept ? Json() : Json(again.evaluation.reason)}};
-}
-void print_again(const Study& study, const Row& row, const design::JudgedAgain& again) {
-  std::vector<std::string> changed;
-  const std::vector<design::Figure> figures = study.figures();
-  for (std::size_t i = 0; i < figures.size(); ++i) {
-    const double was = row.evaluation.figures[i].value, is = again.evaluation.figures[i].value;
-    if (study.surveys(figures[i]) && std::isfinite(is))
-      changed.push_back(fmt::format("{} {} ({})", design::info_of(figures[i]).name, shown(is), shown(was)));
+/// What a finer survey says of these rows.
+Json again_json(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which,
+                const design::JudgedAgain& again) {
+  Json list = Json::array();
+  for (std::size_t k = 0; k < which.size(); ++k) {
+    const design::Evaluation& e = again.evaluations[k];
+    const bool kept = e.state == State::done;
+    list.push_back({{"row", rows[which[k]].row},
+                    {"values", values_json(study, e)},
+                    {"holds_kept", kept},
+                    {"reason", kept ? Json() : Json(e.reason)}});
   }
-  fmt::print("judged again with resolution {} instead of {}: {}{}\n", again.resolution, study.resolution,
-             fmt::join(changed, ", "),
-             again.evaluation.state == State::done
-                 ? study.holds.empty() ? "" : "; all holds are kept"
-                 : fmt::format("; no: {}. Search with a higher resolution", one_line(again.evaluation.reason)));
+  return {{"resolution", again.resolution}, {"holds_kept", again.holds_kept()}, {"rows", list}};
+}
+/// By how much a figure changes at most, as a share of what the search found.
+double largest_change(const std::vector<Row>& rows, const std::vector<std::size_t>& which,
+                      const design::JudgedAgain& again, std::size_t figure) {
+  double out = 0;
+  for (std::size_t k = 0; k < which.size(); ++k) {
+    const double was = rows[which[k]].evaluation.figures[figure].value, is = again.evaluations[k].figures[figure].value;
+    if (std::isfinite(is) && was != 0) out = std::max(out, std::abs(is / was - 1));
+  }
+  return out;
 }
 
-/// The points of a front that break a hold over a finer survey, as indices of rows.
-struct FrontAgain {
-  int resolution = 0;
-  std::vector<std::pair<std::size_t, std::string>> broken;  ///< and why
-};
-/// None where no survey could flatter a hold.
-Result<std::optional<FrontAgain>> judge_front_again(const Study& study, const std::vector<Row>& rows,
-                                                    const std::vector<std::size_t>& front,
-                                                    const design::EvaluateOptions& options,
-                                                    const std::function<bool(double)>& progress) {
-  if (study.holds.empty()) return std::optional<FrontAgain>{};
-  FrontAgain out;
-  for (std::size_t k = 0; k < front.size(); ++k) {
-    const std::size_t i = front[k];
-    progress(double(k) / double(front.size()));
-    POLYPOD_ASSIGN(again, design::judge_again(study, rows[i].varied, options));
-    if (!again) return std::optional<FrontAgain>{};
-    out.resolution = again->resolution;
-    if (again->evaluation.state != State::done) out.broken.emplace_back(i, again->evaluation.reason);
+void print_again(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which,
+                 const design::JudgedAgain& again) {
+  std::vector<std::string> changed;
+  const bool one = which.size() == 1;
+  const std::vector<design::Figure> figures = study.figures();
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    if (!study.surveys(figures[i])) continue;
+    const char* name = design::info_of(figures[i]).name;
+    const double is = again.evaluations[0].figures[i].value;
+    if (!one) {
+      changed.push_back(fmt::format("{} changes by at most {:.2g} %", name,
+                                    100 * largest_change(rows, which, again, i)));
+    } else if (std::isfinite(is)) {
+      changed.push_back(
+          fmt::format("{} {} ({})", name, shown(is), shown(rows[which[0]].evaluation.figures[i].value)));
+    }
   }
-  progress(1);
-  return std::optional<FrontAgain>(std::move(out));
-}
-Json front_again_json(const std::vector<Row>& rows, std::size_t points, const FrontAgain& again) {
-  Json broken = Json::array();
-  for (const auto& [i, reason] : again.broken) broken.push_back({{"row", rows[i].row}, {"reason", reason}});
-  return {
-      {"resolution", again.resolution}, {"points", points}, {"holds_kept", again.broken.empty()}, {"broken", broken}};
-}
-void print_front_again(const Study& study, const std::vector<Row>& rows, std::size_t points, const FrontAgain& again) {
-  fmt::print("judged again with resolution {} instead of {}: ", again.resolution, study.resolution);
-  if (again.broken.empty()) {
-    fmt::print("all {} points keep all holds\n", points);
-    return;
-  }
-  fmt::print("no: {} of {} points break a hold. Search with a higher resolution\n", again.broken.size(), points);
+  std::vector<std::size_t> broken;
+  for (std::size_t k = 0; k < which.size(); ++k)
+    if (again.evaluations[k].state != State::done) broken.push_back(k);
+  const auto reason = [&](std::size_t k) { return one_line(again.evaluations[k].reason); };
+  const std::string verdict = broken.empty()
+                                  ? study.holds.empty() ? ""
+                                    : one               ? "; all holds are kept"
+                                                        : fmt::format("; all {} points keep all holds", which.size())
+                              : one ? fmt::format("; no: {}", reason(0))
+                                    : fmt::format("; no: {} of {} points break a hold", broken.size(), which.size());
+  fmt::print("judged again with resolution {} instead of {}: {}{}{}\n", again.resolution, study.resolution,
+             fmt::join(changed, ", "), verdict, broken.empty() ? "" : ". Search with a higher resolution");
+  if (one) return;
   constexpr std::size_t kShown = 5;
-  for (std::size_t k = 0; k < std::min(kShown, again.broken.size()); ++k)
-    fmt::print("  row {}: {}\n", rows[again.broken[k].first].row, one_line(again.broken[k].second));
-  if (again.broken.size() > kShown) fmt::print("  and {} more, see --json\n", again.broken.size() - kShown);
+  for (std::size_t k = 0; k < std::min(kShown, broken.size()); ++k)
+    fmt::print("  row {}: {}\n", rows[which[broken[k]]].row, reason(broken[k]));
+  if (broken.size() > kShown) fmt::print("  and {} more, see --json\n", broken.size() - kShown);
 }
 
 Json no_json(const Study& study, const std::vector<Row>& rows) {
@@ -369,22 +361,17 @@ Command optimize_command() {
         if (found.best) POLYPOD_TRY(write_winner(study, o->folder, found.rows[*found.best]));
         const std::vector<Row> asked(found.rows.begin(), found.rows.begin() + static_cast<std::ptrdiff_t>(found.asked));
         const bool any = found.best || !found.front.empty();
-        std::optional<design::JudgedAgain> again;
-        std::optional<FrontAgain> front_again;
         design::EvaluateOptions finer;
         finer.threads = o->threads;
         finer.cancelled = options.cancelled;
-        if (!found.best && any) {
-          POLYPOD_ASSIGN(judged, judge_front_again(study, found.rows, found.front, finer,
-                                                   progress_line(context, "judging the front again")));
-          front_again = std::move(judged);
-        }
-        if (found.best) {
-          POLYPOD_ASSIGN(judged, design::judge_again(study, found.rows[*found.best].varied, finer));
-          again = std::move(judged);
-        }
-        const bool yes =
-            any && (!again || again->evaluation.state == State::done) && (!front_again || front_again->broken.empty());
+        const std::vector<std::size_t> answer = design::rows_to_judge_again(study, found);
+        std::vector<std::vector<double>> candidates;
+        for (const std::size_t i : answer) candidates.push_back(found.rows[i].varied);
+        POLYPOD_ASSIGN(again, design::judge_again(study, candidates, finer,
+                                                  [line = progress_line(context, "judging again")](double share) mutable {
+                                                    line(share);
+                                                  }));
+        const bool yes = any && (!again || again->holds_kept());
         const Row* start = start_of(found.rows);
         if (context.json) {
           Json out({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
@@ -399,8 +386,7 @@ Command optimize_command() {
                     {"database", design::database_of(o->folder)},
                     {"winner", found.best ? Json(beside(o->folder, kWinner)) : Json()}});
           if (found.best) out["binding"] = binding_json(study, found.rows[*found.best]);
-          if (again) out["judged_again"] = again_json(study, *again);
-          if (front_again) out["judged_again"] = front_again_json(found.rows, found.front.size(), *front_again);
+          if (again) out["judged_again"] = again_json(study, found.rows, answer, *again);
           if (!any) out["why_none"] = no_json(study, asked);
           print_json(out);
           return yes ? kDone : kAnswerIsNo;
@@ -415,13 +401,13 @@ Command optimize_command() {
         }
         if (found.best) {
           print_row(study, found.rows[*found.best], start);
-          print_binding(study, found.rows[*found.best], again && again->evaluation.state != State::done);
-          if (again) print_again(study, found.rows[*found.best], *again);
+          print_binding(study, found.rows[*found.best], again && !again->holds_kept());
+          if (again) print_again(study, found.rows, answer, *again);
           fmt::print("wrote {}\n", beside(o->folder, kWinner));
         } else if (any) {
           fmt::print("the front has {} points\n", found.front.size());
           print_table(study, found.rows, found.front);
-          if (front_again) print_front_again(study, found.rows, found.front.size(), *front_again);
+          if (again) print_again(study, found.rows, answer, *again);
         } else {
           print_why_none(study, asked);
         }

@@ -63,6 +63,13 @@ std::vector<std::string> names_of(const Study& study) {
   return out;
 }
 
+/// A figure of a row; NaN where the study does not ask for it.
+Value value_of(const Study& study, const Row& row, Figure figure) {
+  const std::vector<Figure> figures = study.figures();
+  const auto at = static_cast<std::size_t>(std::find(figures.begin(), figures.end(), figure) - figures.begin());
+  return at < figures.size() ? row.evaluation.figures[at] : Value{};
+}
+
 bool is_volume(Figure f) {
   return f == Figure::volume || f == Figure::largest_box;
 }
@@ -178,15 +185,18 @@ std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Ro
         s.broken += broken ? 1 : 0;
         continue;
       }
-      const double x = number_of(study, row, info_of(h.figure).name);
-      if (std::isnan(x)) continue;
+      const Value v = value_of(study, row, h.figure);
+      if (std::isnan(v.value)) continue;
       ++s.judged;
-      const double by = std::max(h.min ? *h.min - x : 0, h.max ? x - *h.max : 0);
+      // Coarse bounds, of a row that something else ended, break a hold where both do.
+      const bool ended_here = row.evaluation.reason.find(s.hold) != std::string::npos;
+      const double low = ended_here ? v.lower : v.upper, high = ended_here ? v.upper : v.lower;
+      const double below = h.min ? *h.min - low : 0, above = h.max ? high - *h.max : 0, by = std::max(below, above);
       if (!(by > 0)) continue;
       ++s.broken;
       if (by >= least) continue;
       least = by;
-      s.nearest = x;
+      s.nearest = below > above ? low : high;
     }
     out.push_back(std::move(s));
   }
@@ -240,11 +250,11 @@ std::vector<std::string> binding(const Study& study, const Row& row) {
   constexpr double kNear = 0.01;
   for (const Hold& h : study.holds) {
     if (h.box) continue;
-    const double x = number_of(study, row, info_of(h.figure).name);
-    const auto near = [&](const std::optional<double>& bound) {
+    const Value v = value_of(study, row, h.figure);
+    const auto near = [&](double x, const std::optional<double>& bound) {
       return bound && std::abs(x - *bound) <= kNear * std::abs(*bound);
     };
-    if (near(h.min) || near(h.max)) out.push_back(h.in_words());
+    if (near(v.lower, h.min) || near(v.upper, h.max)) out.push_back(h.in_words());
   }
   for (std::size_t i = 0; i < study.vary.size(); ++i) {
     const Vary& v = study.vary[i];

@@ -76,6 +76,12 @@ Result<Outcome> optimize(const Study& study, Store& store, const OptimizeOptions
   return ledger.end();
 }
 
+std::vector<std::size_t> rows_to_judge_again(const Study& study, const Outcome& outcome) {
+  if (outcome.best) return {*outcome.best};
+  if (study.holds.empty()) return {};
+  return outcome.front;
+}
+
 bool start_is_candidate(const Study& study) {
   const std::vector<double> values = study.values_of(study.start);
   if (values.empty()) return false;

@@ -54,22 +54,28 @@ TEST(Duty, AFinerSurveyJudgesAgain) {
             kStrut);
   ASSERT_TRUE(s) << to_string(s.error());
   const Evaluation coarse = evaluated(*s, 50);
-  const auto again = judge_again(*s, {50}, {});
+  const std::vector<std::vector<double>> both{{50.0}, {44.0}};
+  const auto again = judge_again(*s, both, {});
   ASSERT_TRUE(again && *again);
   EXPECT_EQ((*again)->resolution, 16);
-  EXPECT_EQ((*again)->evaluation.state, State::done);
-  EXPECT_NE((*again)->evaluation.figures[0].value, coarse.figures[0].value);
+  ASSERT_EQ((*again)->evaluations.size(), 2U);
+  EXPECT_TRUE((*again)->holds_kept());
+  const double finer = (*again)->evaluations[0].figures[0].value;
+  EXPECT_NE(finer, coarse.figures[0].value);
   s->resolution = 16;
-  EXPECT_EQ(evaluated(*s, 50).figures[0].value, (*again)->evaluation.figures[0].value);
+  EXPECT_EQ(evaluated(*s, 50).figures[0].value, finer);
+  EXPECT_EQ(evaluated(*s, 44).figures[0].value, (*again)->evaluations[1].figures[0].value);
   // A hold between the two: kept by the one, broken by the other.
   s->resolution = 8;
-  s->holds[0].max = 0.5 * (coarse.figures[0].value + (*again)->evaluation.figures[0].value);
+  s->holds[0].max = 0.5 * (coarse.figures[0].value + finer);
   const bool kept = evaluated(*s, 50).state == State::done;
-  EXPECT_NE((*judge_again(*s, {50}, {}))->evaluation.state == State::done, kept);
+  const std::vector<std::vector<double>> one{{50.0}};
+  EXPECT_NE((*judge_again(*s, one, {}))->holds_kept(), kept);
+  EXPECT_FALSE(*judge_again(*s, {}, {}));
   // Nothing of a survey: nothing to judge again.
   const auto still = study(at_home(44) + kRadius + goal("longest_leg_mm", "min"), kStrut);
   ASSERT_TRUE(still);
-  EXPECT_FALSE(*judge_again(*still, {44}, {}));
+  EXPECT_FALSE(*judge_again(*still, both, {}));
 }
 
 /// Six equal struts under a force along the axis of symmetry: each carries F / (6 cos g), cos g = h / 70, and the tip

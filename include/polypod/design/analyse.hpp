@@ -42,8 +42,9 @@ bool meets(const Study& study, const Row& row, const Condition& condition);
 struct HoldSummary {
   std::string hold;  ///< in words
   int judged = 0;    ///< rows whose figure is known (of a box: that came as far as the box)
-  int broken = 0;    ///< of them
-  double nearest = std::numeric_limits<double>::quiet_NaN();  ///< the figure that breaks it least, where all break it
+  int broken = 0;    ///< of them; of a volume also where the hold is not proven to be kept
+  /// The figure that breaks it least, of a volume the bound that does.
+  double nearest = std::numeric_limits<double>::quiet_NaN();
 };
 /// In the order of the study, then the poses and the motion of the study where any row breaks them. The start counts
 /// where it is a candidate.

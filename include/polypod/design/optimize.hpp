@@ -57,6 +57,10 @@ struct Outcome {
 /// that is not there. Errors: those of the store; WS110 is none: the outcome is not complete then.
 Result<Outcome> optimize(const Study& study, Store& store, const OptimizeOptions& options);
 
+/// What of an outcome is worth judging again over a finer survey (judge_again), as indices of rows: the best; without one
+/// the points of the front where the study has holds that they may break.
+std::vector<std::size_t> rows_to_judge_again(const Study& study, const Outcome& outcome);
+
 /// Whether the machine of the study is one of its candidates: within the ranges, with all ties.
 bool start_is_candidate(const Study& study);
 
