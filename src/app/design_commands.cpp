@@ -174,6 +174,29 @@ Json again_json(const Study& study, const std::vector<Row>& rows, const std::vec
   }
   return {{"resolution", again.resolution}, {"holds_kept", again.holds_kept()}, {"rows", list}};
 }
+Json starts_json(const std::vector<design::Start>& starts) {
+  Json out = Json::array();
+  for (const design::Start& s : starts)
+    out.push_back({{"evaluations", s.evaluations}, {"row", s.row}, {"ended_by_itself", s.by_itself}});
+  return out;
+}
+
+Json hypervolume_json(const Study& study, const design::FrontVolume& volume) {
+  Json reference = Json::object(), best = Json::object();
+  for (std::size_t i = 0; i < study.goals.size(); ++i) {
+    const char* name = design::info_of(study.goals[i].figure).name;
+    reference[name] = number_json(volume.reference[i]);
+    best[name] = number_json(volume.best[i]);
+  }
+  return {{"volume", volume.volume}, {"share", volume.share}, {"reference", reference}, {"best", best}};
+}
+
+void print_hypervolume(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& front,
+                       const std::vector<double>& reference) {
+  const auto volume = design::front_volume(study, rows, front, reference);
+  if (volume) fmt::print("{}\n", design::in_words(study, *volume));
+}
+
 /// By how much a figure changes at most, as a share of what the search found.
 double largest_change(const std::vector<Row>& rows, const std::vector<std::size_t>& which,
                       const design::JudgedAgain& again, std::size_t figure) {
@@ -386,6 +409,9 @@ Command optimize_command() {
                     {"database", design::database_of(o->folder)},
                     {"winner", found.best ? Json(beside(o->folder, kWinner)) : Json()}});
           if (found.best) out["binding"] = binding_json(study, found.rows[*found.best]);
+          if (!found.starts.empty()) out["starts"] = starts_json(found.starts);
+          if (const auto volume = design::front_volume(study, found.rows, found.front); volume && !found.best)
+            out["hypervolume"] = hypervolume_json(study, *volume);
           if (again) out["judged_again"] = again_json(study, found.rows, answer, *again);
           if (!any) out["why_none"] = no_json(study, asked);
           print_json(out);
@@ -399,6 +425,7 @@ Command optimize_command() {
           fmt::print("{} more are there of a search with another number of evaluations, and count\n",
                      found.rows.size() - asked.size());
         }
+        if (!found.starts.empty()) fmt::print("{}\n", design::in_words(found.starts, found.rows));
         if (found.best) {
           print_row(study, found.rows[*found.best], start);
           print_binding(study, found.rows[*found.best], again && !again->holds_kept());
@@ -406,6 +433,7 @@ Command optimize_command() {
           fmt::print("wrote {}\n", beside(o->folder, kWinner));
         } else if (any) {
           fmt::print("the front has {} points\n", found.front.size());
+          print_hypervolume(study, found.rows, found.front, {});
           print_table(study, found.rows, found.front);
           if (again) print_again(study, found.rows, answer, *again);
         } else {
@@ -421,7 +449,7 @@ namespace {
 
 struct StudyOptions {
   std::string folder, csv, machine, output, report, front_svg, parallel_svg, state, sensitivity;
-  std::vector<std::string> where;
+  std::vector<std::string> where, reference;
   int top = 10, evaluations = 0, seed = 1, threads = 0;
 };
 
@@ -461,6 +489,22 @@ void sort_rows(const Study& study, const std::vector<Row>& rows, const std::vect
     const double u = x.objective.value, v = y.objective.value;
     return std::isnan(v) ? !std::isnan(u) : u > v;
   });
+}
+
+/// A figure a goal, NaN where --reference names none.
+Result<std::vector<double>> reference_of(const StudyOptions& o, const Study& study) {
+  std::vector<double> out(study.goals.size(), std::numeric_limits<double>::quiet_NaN());
+  for (const std::string& text : o.reference) {
+    POLYPOD_ASSIGN(c, design::condition_of(study, text));
+    const auto goal = std::find_if(study.goals.begin(), study.goals.end(),
+                                   [&](const design::Goal& g) { return c.name == design::info_of(g.figure).name; });
+    if (goal == study.goals.end() || c.is != design::Condition::Is::equal || !study.wants_front()) {
+      return fail("AP235", fmt::format("--reference {}: not GOAL=number of a front", text), {},
+                  "write volume_mm3=20000, for goals of a study with several of them and without weights");
+    }
+    out[static_cast<std::size_t>(goal - study.goals.begin())] = c.value;
+  }
+  return out;
 }
 
 /// The row of --machine: a number, or `best`.
@@ -618,7 +662,8 @@ Result<std::optional<design::StudySensitivity>> sensitivity_of(const StudyOption
 
 Status write_study_files(const StudyOptions& o, const Study& study, const std::vector<Row>& rows,
                          const std::vector<std::size_t>& which, const std::vector<design::Sensitivity>& sensitivities,
-                         const design::StudySensitivity& global, bool complete, const Row* machine_row) {
+                         const design::StudySensitivity& global, bool complete, const Row* machine_row,
+                         const std::vector<design::Start>& starts, const std::vector<double>& reference) {
   files::Outputs out;
   if (!o.csv.empty()) {
     std::vector<Row> chosen;
@@ -630,7 +675,8 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
     POLYPOD_ASSIGN(text, design::file_of_row(study, *machine_row));
     POLYPOD_TRY(out.add(o.output, std::move(text)));
   }
-  const pages::StudyPage page{study, rows, sensitivities, global, complete, POLYPOD_VERSION, command_line()};
+  const pages::StudyPage page{study, rows, sensitivities, global,    complete, POLYPOD_VERSION,
+                              command_line(), starts, reference};
   constexpr double kWidth = 960;
   if (!o.front_svg.empty()) {
     POLYPOD_ASSIGN(figure, pages::front_figure(page));
@@ -660,6 +706,9 @@ Command study_command() {
             a.option("--where", o->where,
                      "NAME>=number: only rows with a parameter, figure or objective so (repeatable)");
             a.option("--state", o->state, "done, violates, dropped or refused: only rows in this state");
+            a.option("--reference", o->reference,
+                     "GOAL=number: the reference point of a front's hypervolume (repeatable; default: a tenth of its "
+                     "span beyond the front)");
             a.option("--csv", o->csv, "Write these rows as a table");
             a.option("--machine", o->machine, "A row's number, or `best`: its machine goes to --output");
             a.option("-o,--output", o->output, "The machine file of --machine");
@@ -689,6 +738,8 @@ Command study_command() {
             const design::StudySensitivity& global = asked ? *asked : kept;
             POLYPOD_ASSIGN(rows, store.rows());
             POLYPOD_ASSIGN(complete, store.complete());
+            POLYPOD_ASSIGN(starts, design::kept_starts(store));
+            POLYPOD_ASSIGN(reference, reference_of(*o, study));
             POLYPOD_ASSIGN(which, chosen_rows(*o, study, rows));
             const Row* machine_row = nullptr;
             if (!o->machine.empty()) {
@@ -699,7 +750,8 @@ Command study_command() {
             const std::vector<std::size_t> front = design::front_of(study, rows);
             const auto sensitivities = design::sensitivities(study, rows);
             sort_rows(study, rows, front, which);
-            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row));
+            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row,
+                                          starts, reference));
             std::vector<std::size_t> listed = which;
             listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
             if (context.json) {
@@ -716,6 +768,9 @@ Command study_command() {
                         {"front", front_json(study, rows, front)},
                         {"sensitivities", sensitivities_json(study, sensitivities)},
                         {"listed", list}});
+              if (!starts.empty()) out["starts"] = starts_json(starts);
+              const auto volume = design::front_volume(study, rows, front, reference);
+              if (volume && study.wants_front()) out["hypervolume"] = hypervolume_json(study, *volume);
               if (global.design.groups > 0) out["global_sensitivities"] = global_json(study, global);
               print_json(out);
               return kDone;
@@ -724,6 +779,7 @@ Command study_command() {
                        study.seed, store.version());
             fmt::print("{} rows: {}; the search {}\n", rows.size(), states_text(rows),
                        complete ? "ended by itself" : "was broken off, or is running");
+            if (!starts.empty()) fmt::print("{}\n", design::in_words(starts, rows));
             if (best) {
               fmt::print("\n");
               print_row(study, rows[*best], start_of(rows));
@@ -731,7 +787,10 @@ Command study_command() {
             } else if (front.empty() && !rows.empty()) {
               print_why_none(study, rows);
             }
-            if (study.wants_front()) fmt::print("the front has {} points\n", front.size());
+            if (study.wants_front()) {
+              fmt::print("the front has {} points\n", front.size());
+              print_hypervolume(study, rows, front, reference);
+            }
             if (!listed.empty()) {
               fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());
               print_table(study, rows, listed);

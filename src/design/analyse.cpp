@@ -214,6 +214,39 @@ std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Ro
   return out;
 }
 
+namespace {
+
+/// The area between a corner and points in a plane, to which points are added one by one.
+class Staircase {
+ public:
+  Staircase(double x, double y) : x_(x), y_(y) {}
+  [[nodiscard]] double area() const { return area_; }
+  void add(double x, double y) {
+    auto right = steps_.upper_bound(x);
+    double level = right == steps_.end() ? y_ : right->second;
+    if (level >= y) return;
+    // The strips between what was there and the new step, from it to the left.
+    double from = x;
+    auto step = right;
+    while (step != steps_.begin() && std::prev(step)->second <= y) {
+      --step;
+      area_ += (from - step->first) * (y - level);
+      from = step->first;
+      level = step->second;
+    }
+    const double end = step == steps_.begin() ? x_ : std::prev(step)->first;
+    area_ += (from - end) * (y - level);
+    steps_.erase(step, right);
+    steps_.emplace(x, y);
+  }
+
+ private:
+  double x_, y_, area_ = 0;
+  std::map<double, double> steps_;  // y of each x, falling
+};
+
+}  // namespace
+
 double hypervolume(std::vector<std::vector<double>> points, const std::vector<double>& corner) {
   std::erase_if(points, [&](const auto& p) {
     for (std::size_t i = 0; i < corner.size(); ++i)
@@ -228,12 +261,59 @@ double hypervolume(std::vector<std::vector<double>> points, const std::vector<do
   double out = 0;
   std::vector<std::vector<double>> above;
   const std::vector<double> base(corner.begin(), corner.end() - 1);
+  Staircase steps(corner[0], corner[1]);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    above.emplace_back(points[i].begin(), points[i].end() - 1);
     const double next = i + 1 < points.size() ? points[i + 1][last] : corner[last];
+    if (last <= 2) {
+      steps.add(points[i][0], points[i][1]);
+      out = last == 1 ? steps.area() : out + (points[i][last] - next) * steps.area();
+      continue;
+    }
+    above.emplace_back(points[i].begin(), points[i].end() - 1);
     if (points[i][last] > next) out += (points[i][last] - next) * hypervolume(above, base);
   }
   return out;
+}
+
+std::optional<FrontVolume> front_volume(const Study& study, const std::vector<Row>& rows,
+                                        const std::vector<std::size_t>& front, const std::vector<double>& reference) {
+  const std::size_t n = study.goals.size();
+  if (front.empty() || n < 2) return {};
+  const auto sign = [&](std::size_t i) { return study.goals[i].maximise ? 1.0 : -1.0; };
+  std::vector<std::vector<double>> points;
+  for (const std::size_t r : front) {
+    std::vector<double> p;
+    for (std::size_t i = 0; i < n; ++i) p.push_back(sign(i) * value_of(study, rows[r], study.goals[i].figure).value);
+    points.push_back(std::move(p));
+  }
+  FrontVolume out;
+  std::vector<double> corner;
+  double box = 1;
+  for (std::size_t i = 0; i < n; ++i) {
+    double least = points[0][i], most = least;
+    for (const auto& p : points) {
+      least = std::min(least, p[i]);
+      most = std::max(most, p[i]);
+    }
+    constexpr double kBeyond = 0.1;
+    const bool given = i < reference.size() && !std::isnan(reference[i]);
+    corner.push_back(given ? sign(i) * reference[i] : least - kBeyond * (most - least));
+    box *= std::max(0.0, most - corner[i]);
+    out.best.push_back(sign(i) * most);
+    out.reference.push_back(sign(i) * corner[i]);
+  }
+  out.volume = hypervolume(std::move(points), corner);
+  out.share = box > 0 ? out.volume / box : 0;
+  return out;
+}
+
+std::string in_words(const Study& study, const FrontVolume& volume) {
+  std::string reference;
+  for (std::size_t i = 0; i < study.goals.size(); ++i) {
+    reference += fmt::format("{}{} {:.6g}", i > 0 ? ", " : "", info_of(study.goals[i].figure).name, volume.reference[i]);
+  }
+  return fmt::format("hypervolume {:.6g}, {:.3g} % of the box between the best of each goal and the reference point {}",
+                     volume.volume, 100 * volume.share, reference);
 }
 
 std::vector<std::pair<std::string, int>> refusals(const std::vector<Row>& rows) {

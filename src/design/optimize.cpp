@@ -76,6 +76,25 @@ Result<Outcome> optimize(const Study& study, Store& store, const OptimizeOptions
   return ledger.end();
 }
 
+std::string in_words(const std::vector<Start>& starts, const std::vector<Row>& rows) {
+  std::string out;
+  for (const Start& s : starts) {
+    const auto row = std::find_if(rows.begin(), rows.end(), [&](const Row& r) { return r.row == s.row; });
+    if (row == rows.end()) continue;
+    const Evaluation& e = row->evaluation;
+    out += out.empty() ? "" : "; ";
+    if (e.state == State::done) {
+      out += fmt::format("{:.6g} (row {})", e.objective.value, s.row);
+    } else if (e.state == State::dropped) {
+      out += fmt::format("at most {:.6g} (row {}, proven worse)", e.objective.upper, s.row);
+    } else {
+      out += fmt::format("no candidate that keeps the holds (row {})", s.row);
+    }
+    if (!s.by_itself) out += fmt::format(" after its {} evaluations", s.evaluations);
+  }
+  return fmt::format("{} {} ended at {}", starts.size(), starts.size() == 1 ? "start" : "starts", out);
+}
+
 std::vector<std::size_t> rows_to_judge_again(const Study& study, const Outcome& outcome) {
   if (outcome.best) return {*outcome.best};
   if (study.holds.empty()) return {};

@@ -310,6 +310,11 @@ class Page {
       t.rows.push_back({std::string(design::name_of(state)), static_cast<double>(count), std::string(meaning)});
     }
     report_.add_table(t);
+    if (!page_.starts.empty()) {
+      report_.add_text("The search for one machine begins several times, each time with a sample of its own over all ranges: " +
+                       design::in_words(page_.starts, page_.rows) +
+                       ". Starts that end at different objectives say that there are several local optima.");
+    }
     if (study_.wants_front()) return;
     report::LinePlot plot;
     plot.title = "The objective of each candidate in the order of the search";
@@ -351,6 +356,11 @@ class Page {
                                        : " Machines that were dropped for their objective are not among them, so the "
                                          "front of all may hold more."));
       if (best_ != nullptr) front_table();
+    }
+    if (const auto volume = design::front_volume(study_, page_.rows, front_, page_.reference);
+        volume && study_.wants_front()) {
+      report_.add_text("How much the front dominates: " + design::in_words(study_, *volume) +
+                       ". Fronts compare by their hypervolume where the reference point is the same.");
     }
     if (const auto figure = parallel_figure(page_)) {
       report_.add_figure(*figure,

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -50,9 +51,26 @@ struct HoldSummary {
 /// where it is a candidate.
 std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Row>& rows);
 /// The volume of all that is dominated by these points and dominates the corner, where more is better in every goal
-/// (goals_of); points that are not above the corner in every goal count nothing. Exact, by slices. Cost: n log n for
-/// two goals, n^2 log n for three, n more for each further one.
+/// (goals_of); points that are not above the corner in every goal count nothing. Exact, by a staircase that points are
+/// added to, and by slices along each further goal (Beume et al. 2009 for three). Cost: n log n for two and three goals,
+/// n more for each further one.
 double hypervolume(std::vector<std::vector<double>> points, const std::vector<double>& corner);
+
+/// How much of the space of the goals a front dominates: the hypervolume indicator (Zitzler and Thiele 1998), exact for
+/// these points. Larger is better; two fronts compare by `volume` where their reference points are the same.
+struct FrontVolume {
+  double volume = 0;              ///< between the front and the reference point, in the units of the figures
+  double share = 0;               ///< of the box between `best` and the reference point; 0 where that is empty
+  std::vector<double> reference;  ///< a figure a goal, worse than the front
+  std::vector<double> best;       ///< the best figure of each goal on the front
+};
+/// `reference`: the figures to compare with, one a goal; NaN or left out: the worst of the front and a tenth of its span
+/// beyond. Nothing without a front, and of a study with one goal.
+std::optional<FrontVolume> front_volume(const Study& study, const std::vector<Row>& rows,
+                                        const std::vector<std::size_t>& front,
+                                        const std::vector<double>& reference = {});
+/// In one line, with the reference point.
+std::string in_words(const Study& study, const FrontVolume& volume);
 /// Why rows were refused, and how many for each reason, the most frequent first.
 std::vector<std::pair<std::string, int>> refusals(const std::vector<Row>& rows);
 

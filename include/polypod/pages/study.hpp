@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "polypod/design/analyse.hpp"
+#include "polypod/design/optimize.hpp"
 #include "polypod/design/sensitivity.hpp"
 #include "polypod/report/plot.hpp"
 
@@ -20,6 +21,8 @@ struct StudyPage {
   bool complete = false;
   std::string version;  ///< of Polypod
   std::string command;  ///< how the page was made
+  std::vector<design::Start> starts;  ///< of the search (design::kept_starts)
+  std::vector<double> reference;      ///< of the hypervolume of the front, as design::front_volume takes it
 };
 
 /// The first two goals of all rows that have both, those of the front, and the start. Errors: QP110 (fewer than two
