@@ -454,10 +454,10 @@ struct StudyOptions {
 };
 
 Result<std::vector<std::size_t>> chosen_rows(const StudyOptions& o, const Study& study, const std::vector<Row>& rows) {
-  std::vector<design::Condition> conditions;
+  std::vector<std::function<bool(const Row&)>> tests;
   for (const std::string& text : o.where) {
     POLYPOD_ASSIGN(c, design::condition_of(study, text));
-    conditions.push_back(std::move(c));
+    tests.push_back(design::test_of(study, c));
   }
   if (!o.state.empty()) {
     bool known = false;
@@ -470,9 +470,7 @@ Result<std::vector<std::size_t>> chosen_rows(const StudyOptions& o, const Study&
   std::vector<std::size_t> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (!o.state.empty() && o.state != design::name_of(rows[i].evaluation.state)) continue;
-    const bool all = std::all_of(conditions.begin(), conditions.end(),
-                                 [&](const auto& c) { return design::meets(study, rows[i], c); });
-    if (all) out.push_back(i);
+    if (std::all_of(tests.begin(), tests.end(), [&](const auto& test) { return test(rows[i]); })) out.push_back(i);
   }
   return out;
 }
@@ -666,10 +664,9 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
                          const std::vector<design::Start>& starts, const std::vector<double>& reference) {
   files::Outputs out;
   if (!o.csv.empty()) {
-    std::vector<Row> chosen;
-    for (const std::size_t i : which) chosen.push_back(rows[i]);
-    std::sort(chosen.begin(), chosen.end(), [](const Row& a, const Row& b) { return a.row < b.row; });
-    POLYPOD_TRY(out.add(o.csv, design::rows_csv(study, chosen)));
+    std::vector<std::size_t> in_order = which;
+    std::sort(in_order.begin(), in_order.end(), [&](std::size_t a, std::size_t b) { return rows[a].row < rows[b].row; });
+    POLYPOD_TRY(out.add(o.csv, design::rows_csv(study, rows, in_order)));
   }
   if (machine_row != nullptr) {
     POLYPOD_ASSIGN(text, design::file_of_row(study, *machine_row));

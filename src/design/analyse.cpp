@@ -41,17 +41,21 @@ Eigen::VectorXd standard_ranks(const std::vector<double>& values) {
   return out / size;
 }
 
-/// A name and how a row's number of it is found.
-double number_of(const Study& study, const Row& row, const std::string& name) {
-  if (name == "row") return static_cast<double>(row.row);
-  if (name == "seconds") return row.evaluation.seconds;
-  if (name == "objective") return row.evaluation.objective.value;
+/// How a row's number of this name is found. The study must outlive it.
+std::function<double(const Row&)> column_of(const Study& study, const std::string& name) {
+  if (name == "row") return [](const Row& row) { return static_cast<double>(row.row); };
+  if (name == "seconds") return [](const Row& row) { return row.evaluation.seconds; };
+  if (name == "objective") return [](const Row& row) { return row.evaluation.objective.value; };
   const std::vector<Figure> figures = study.figures();
   for (std::size_t i = 0; i < figures.size(); ++i)
-    if (name == info_of(figures[i]).name) return row.evaluation.figures[i].value;
-  for (const auto& [key, value] : parameters_of(study, row))
-    if (key == name) return value;
-  return kNone;
+    if (name == info_of(figures[i]).name) return [i](const Row& row) { return row.evaluation.figures[i].value; };
+  for (std::size_t i = 0; i < study.vary.size(); ++i)
+    if (name == study.vary[i].key) return [i](const Row& row) { return row.varied[i]; };
+  return [&study, name](const Row& row) {
+    for (const auto& [key, value] : parameters_of(study, row))
+      if (key == name) return value;
+    return kNone;
+  };
 }
 
 std::vector<std::string> names_of(const Study& study) {
@@ -93,33 +97,43 @@ std::vector<Sensitivity> sensitivities(const Study& study, const std::vector<Row
   if (!study.wants_front()) asked.emplace_back("objective");
   for (const Figure f : study.figures()) asked.emplace_back(info_of(f).name);
   std::vector<Sensitivity> out;
+  const std::size_t n = study.vary.size();
+  // Most figures are known of the same rows: their parameters are ranked once.
+  std::vector<std::size_t> ranked, moving;
+  Eigen::MatrixXd X;
   for (const std::string& name : asked) {
+    const auto column = column_of(study, name);
     std::vector<double> y;
-    std::vector<std::vector<double>> x(study.vary.size());
-    for (const Row& row : rows) {
+    std::vector<std::size_t> which;
+    for (std::size_t r = 0; r < rows.size(); ++r) {
+      const Row& row = rows[r];
       if (row.evaluation.state != State::done && row.evaluation.state != State::dropped) continue;
-      const double value = number_of(study, row, name);
+      const double value = column(row);
       const bool whole = std::none_of(row.varied.begin(), row.varied.end(), [](double v) { return std::isnan(v); });
       if (!std::isfinite(value) || !whole) continue;
       y.push_back(value);
-      for (std::size_t i = 0; i < x.size(); ++i) x[i].push_back(row.varied[i]);
+      which.push_back(r);
     }
-    if (y.size() < kRowsEach * (x.size() + 1)) continue;
+    if (y.size() < kRowsEach * (n + 1)) continue;
     const Eigen::VectorXd ranks = standard_ranks(y);
     if (ranks.size() == 0) continue;
-    std::vector<std::size_t> moving;
-    Eigen::MatrixXd X(ranks.size(), 0);
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const Eigen::VectorXd column = standard_ranks(x[i]);
-      if (column.size() == 0) continue;
-      moving.push_back(i);
-      X.conservativeResize(Eigen::NoChange, X.cols() + 1);
-      X.col(X.cols() - 1) = column;
+    if (which != ranked) {
+      ranked = which;
+      moving.clear();
+      X.resize(ranks.size(), 0);
+      for (std::size_t i = 0; i < n; ++i) {
+        std::vector<double> x;
+        for (const std::size_t r : which) x.push_back(rows[r].varied[i]);
+        const Eigen::VectorXd of_x = standard_ranks(x);
+        if (of_x.size() == 0) continue;
+        moving.push_back(i);
+        X.conservativeResize(Eigen::NoChange, X.cols() + 1);
+        X.col(X.cols() - 1) = of_x;
+      }
     }
     if (moving.empty()) continue;
     const Eigen::VectorXd b = X.completeOrthogonalDecomposition().solve(ranks);
-    Sensitivity s{name, std::vector<double>(x.size(), kNone), 1 - (ranks - X * b).squaredNorm(),
-                  static_cast<int>(y.size())};
+    Sensitivity s{name, std::vector<double>(n, kNone), 1 - (ranks - X * b).squaredNorm(), static_cast<int>(y.size())};
     for (std::size_t k = 0; k < moving.size(); ++k) s.coefficients[moving[k]] = b[static_cast<Eigen::Index>(k)];
     out.push_back(std::move(s));
   }
@@ -153,21 +167,23 @@ Result<Condition> condition_of(const Study& study, const std::string& text) {
   return out;
 }
 
-bool meets(const Study& study, const Row& row, const Condition& c) {
-  const double x = number_of(study, row, c.name);
-  switch (c.is) {
-    case Condition::Is::below:
-      return x < c.value;
-    case Condition::Is::at_most:
-      return x <= c.value;
-    case Condition::Is::above:
-      return x > c.value;
-    case Condition::Is::at_least:
-      return x >= c.value;
-    case Condition::Is::equal:
-      break;
-  }
-  return x == c.value;
+std::function<bool(const Row&)> test_of(const Study& study, const Condition& c) {
+  return [column = column_of(study, c.name), is = c.is, bound = c.value](const Row& row) {
+    const double x = column(row);
+    switch (is) {
+      case Condition::Is::below:
+        return x < bound;
+      case Condition::Is::at_most:
+        return x <= bound;
+      case Condition::Is::above:
+        return x > bound;
+      case Condition::Is::at_least:
+        return x >= bound;
+      case Condition::Is::equal:
+        break;
+    }
+    return x == bound;
+  };
 }
 
 std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Row>& rows) {
@@ -357,7 +373,7 @@ std::vector<std::pair<std::string, double>> parameters_of(const Study& study, co
   return out;
 }
 
-std::string rows_csv(const Study& study, const std::vector<Row>& rows) {
+std::string rows_csv(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which) {
   const std::vector<Figure> figures = study.figures();
   std::string out = "row,state,phase,objective,objective_lower,objective_upper,violation";
   for (const Vary& v : study.vary) out += "," + field(v.key);
@@ -368,7 +384,8 @@ std::string rows_csv(const Study& study, const std::vector<Row>& rows) {
     if (is_volume(f)) out += "," + name + "_lower," + name + "_upper";
   }
   out += ",seconds,version,at,reason\n";
-  for (const Row& row : rows) {
+  for (const std::size_t k : which) {
+    const Row& row = rows[k];
     const Evaluation& e = row.evaluation;
     out += fmt::format("{},{},{},{},{},{},{}", row.row, name_of(e.state), name_of(row.phase), field(e.objective.value),
                        field(e.objective.lower), field(e.objective.upper), field(e.violation));

@@ -134,9 +134,12 @@ std::vector<std::size_t> front_of(const Study& study, const std::vector<Row>& ro
   std::vector<std::pair<std::vector<double>, std::size_t>> all;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (!counts(rows[i], start_counts)) continue;
-    Evaluation e = rows[i].evaluation;
-    for (Value& v : e.figures) v.lower = v.upper = v.value;
-    all.emplace_back(goals_of(study, e, true), i);
+    std::vector<double> goals;
+    for (std::size_t k = 0; k < study.goals.size(); ++k) {  // goals come first among the figures
+      const double value = rows[i].evaluation.figures[k].value;
+      goals.push_back(study.goals[k].maximise ? value : -value);
+    }
+    all.emplace_back(std::move(goals), i);
   }
   // Best first: what dominates a point stands before it.
   std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.first > b.first; });

@@ -434,6 +434,10 @@ Result<std::vector<Row>> Store::Impl::rows_of(const char* table) const {
   for (const std::string& c : columns_of(study)) names += (names.empty() ? "" : ", ") + quoted(c);
   POLYPOD_ASSIGN(s, prepare(fmt::format("SELECT {} FROM {} ORDER BY row", names, table)));
   std::vector<Row> out;
+  {
+    POLYPOD_ASSIGN(count, prepare(fmt::format("SELECT count(*) FROM {}", table)));
+    if (sqlite3_step(count.get()) == SQLITE_ROW) out.reserve(static_cast<std::size_t>(sqlite3_column_int64(count.get(), 0)));
+  }
   const std::size_t varied = study.vary.size(), figures = study.figures().size();
   int code = 0;
   while ((code = sqlite3_step(s.get())) == SQLITE_ROW) {
@@ -462,6 +466,8 @@ Result<std::vector<Row>> Store::Impl::rows_of(const char* table) const {
     ++at;  // the seed is that of the study
     row.version = text();
     row.at = text();
+    row.varied.reserve(varied);
+    e.figures.reserve(figures);
     for (std::size_t i = 0; i < varied; ++i) row.varied.push_back(number(kNone));
     for (std::size_t i = 0; i < figures; ++i) {
       Value v;

@@ -2,6 +2,7 @@
 // What the evaluations of a study say of its parameters.
 #pragma once
 
+#include <functional>
 #include <limits>
 #include <optional>
 #include <string>
@@ -36,8 +37,8 @@ struct Condition {
 };
 /// "volume_mm3>=20000". Errors: OP120 (no condition, or a name that the study does not have).
 Result<Condition> condition_of(const Study& study, const std::string& text);
-/// False where the row does not have the number.
-bool meets(const Study& study, const Row& row, const Condition& condition);
+/// Whether a row meets the condition; not where it does not have the number. The study must outlive the test.
+std::function<bool(const Row&)> test_of(const Study& study, const Condition& condition);
 
 /// How the rows stand to one hold of the study.
 struct HoldSummary {
@@ -82,9 +83,9 @@ std::vector<std::string> binding(const Study& study, const Row& row);
 /// file says.
 std::vector<std::pair<std::string, double>> parameters_of(const Study& study, const Row& row);
 
-/// A table of all these rows: row, state, phase, objective with its bounds, violation, the parameters, the figures with
+/// A table of these rows, as indices of `rows`: row, state, phase, objective with its bounds, violation, the parameters, the figures with
 /// the bounds of volumes, seconds, version, at, reason.
-std::string rows_csv(const Study& study, const std::vector<Row>& rows);
+std::string rows_csv(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which);
 
 /// The machine of a row, with its provenance. Errors: OP121 (the row has no machine).
 Result<AnyMachine> machine_of_row(const Study& study, const Row& row);
