@@ -160,14 +160,13 @@ void print_binding(const Study& study, const Row& row, bool in_search) {
              text);
 }
 
-/// What a finer survey says of these rows.
-Json again_json(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which,
-                const design::JudgedAgain& again) {
+/// What a finer survey says of the answer.
+Json again_json(const Study& study, const design::JudgedAgain& again) {
   Json list = Json::array();
-  for (std::size_t k = 0; k < which.size(); ++k) {
-    const design::Evaluation& e = again.evaluations[k];
+  for (const Row& row : again.rows) {
+    const design::Evaluation& e = row.evaluation;
     const bool kept = e.state == State::done;
-    list.push_back({{"row", rows[which[k]].row},
+    list.push_back({{"row", row.row},
                     {"values", values_json(study, e)},
                     {"holds_kept", kept},
                     {"reason", kept ? Json() : Json(e.reason)}});
@@ -198,49 +197,52 @@ void print_hypervolume(const Study& study, const std::vector<Row>& rows, const s
 }
 
 /// By how much a figure changes at most, as a share of what the search found.
-double largest_change(const std::vector<Row>& rows, const std::vector<std::size_t>& which,
-                      const design::JudgedAgain& again, std::size_t figure) {
+double largest_change(const std::vector<const Row*>& before, const design::JudgedAgain& again, std::size_t figure) {
   double out = 0;
-  for (std::size_t k = 0; k < which.size(); ++k) {
-    const double was = rows[which[k]].evaluation.figures[figure].value, is = again.evaluations[k].figures[figure].value;
+  for (std::size_t k = 0; k < before.size(); ++k) {
+    const double was = before[k]->evaluation.figures[figure].value, is = again.rows[k].evaluation.figures[figure].value;
     if (std::isfinite(is) && was != 0) out = std::max(out, std::abs(is / was - 1));
   }
   return out;
 }
 
-void print_again(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which,
-                 const design::JudgedAgain& again) {
+/// `rows`: of the search, which hold those that were judged again.
+void print_again(const Study& study, const std::vector<Row>& rows, const design::JudgedAgain& again) {
+  std::vector<const Row*> before;
+  for (const Row& row : again.rows)
+    before.push_back(&*std::find_if(rows.begin(), rows.end(), [&](const Row& r) { return r.row == row.row; }));
   std::vector<std::string> changed;
-  const bool one = which.size() == 1;
+  const std::size_t count = before.size();
+  const bool one = count == 1;
   const std::vector<design::Figure> figures = study.figures();
   for (std::size_t i = 0; i < figures.size(); ++i) {
     if (!study.surveys(figures[i])) continue;
     const char* name = design::info_of(figures[i]).name;
-    const double is = again.evaluations[0].figures[i].value;
+    const double is = again.rows[0].evaluation.figures[i].value;
     if (!one) {
       changed.push_back(fmt::format("{} changes by at most {:.2g} %", name,
-                                    100 * largest_change(rows, which, again, i)));
+                                    100 * largest_change(before, again, i)));
     } else if (std::isfinite(is)) {
       changed.push_back(
-          fmt::format("{} {} ({})", name, shown(is), shown(rows[which[0]].evaluation.figures[i].value)));
+          fmt::format("{} {} ({})", name, shown(is), shown(before[0]->evaluation.figures[i].value)));
     }
   }
   std::vector<std::size_t> broken;
-  for (std::size_t k = 0; k < which.size(); ++k)
-    if (again.evaluations[k].state != State::done) broken.push_back(k);
-  const auto reason = [&](std::size_t k) { return one_line(again.evaluations[k].reason); };
+  for (std::size_t k = 0; k < count; ++k)
+    if (again.rows[k].evaluation.state != State::done) broken.push_back(k);
+  const auto reason = [&](std::size_t k) { return one_line(again.rows[k].evaluation.reason); };
   const std::string verdict = broken.empty()
                                   ? study.holds.empty() ? ""
                                     : one               ? "; all holds are kept"
-                                                        : fmt::format("; all {} points keep all holds", which.size())
+                                                        : fmt::format("; all {} points keep all holds", count)
                               : one ? fmt::format("; no: {}", reason(0))
-                                    : fmt::format("; no: {} of {} points break a hold", broken.size(), which.size());
+                                    : fmt::format("; no: {} of {} points break a hold", broken.size(), count);
   fmt::print("judged again with resolution {} instead of {}: {}{}{}\n", again.resolution, study.resolution,
              fmt::join(changed, ", "), verdict, broken.empty() ? "" : ". Search with a higher resolution");
   if (one) return;
   constexpr std::size_t kShown = 5;
   for (std::size_t k = 0; k < std::min(kShown, broken.size()); ++k)
-    fmt::print("  row {}: {}\n", rows[which[broken[k]]].row, reason(broken[k]));
+    fmt::print("  row {}: {}\n", again.rows[broken[k]].row, reason(broken[k]));
   if (broken.size() > kShown) fmt::print("  and {} more, see --json\n", broken.size() - kShown);
 }
 
@@ -380,20 +382,17 @@ Command optimize_command() {
         POLYPOD_ASSIGN(found, design::optimize(study, store, options));
         if (context.progress) fmt::print(stderr, "\r\x1b[K");
         if (interrupted()) return kBadInput;  // the database keeps what was done
-        POLYPOD_TRY(store.close());
         if (found.best) POLYPOD_TRY(write_winner(study, o->folder, found.rows[*found.best]));
         const std::vector<Row> asked(found.rows.begin(), found.rows.begin() + static_cast<std::ptrdiff_t>(found.asked));
         const bool any = found.best || !found.front.empty();
         design::EvaluateOptions finer;
         finer.threads = o->threads;
         finer.cancelled = options.cancelled;
-        const std::vector<std::size_t> answer = design::rows_to_judge_again(study, found);
-        std::vector<std::vector<double>> candidates;
-        for (const std::size_t i : answer) candidates.push_back(found.rows[i].varied);
-        POLYPOD_ASSIGN(again, design::judge_again(study, candidates, finer,
+        POLYPOD_ASSIGN(again, design::judge_again(study, store, found, finer,
                                                   [line = progress_line(context, "judging again")](double share) mutable {
                                                     line(share);
                                                   }));
+        POLYPOD_TRY(store.close());
         const bool yes = any && (!again || again->holds_kept());
         const Row* start = start_of(found.rows);
         if (context.json) {
@@ -412,7 +411,7 @@ Command optimize_command() {
           if (!found.starts.empty()) out["starts"] = starts_json(found.starts);
           if (const auto volume = design::front_volume(study, found.rows, found.front); volume && !found.best)
             out["hypervolume"] = hypervolume_json(study, *volume);
-          if (again) out["judged_again"] = again_json(study, found.rows, answer, *again);
+          if (again) out["judged_again"] = again_json(study, *again);
           if (!any) out["why_none"] = no_json(study, asked);
           print_json(out);
           return yes ? kDone : kAnswerIsNo;
@@ -429,13 +428,13 @@ Command optimize_command() {
         if (found.best) {
           print_row(study, found.rows[*found.best], start);
           print_binding(study, found.rows[*found.best], again && !again->holds_kept());
-          if (again) print_again(study, found.rows, answer, *again);
+          if (again) print_again(study, found.rows, *again);
           fmt::print("wrote {}\n", beside(o->folder, kWinner));
         } else if (any) {
           fmt::print("the front has {} points\n", found.front.size());
           print_hypervolume(study, found.rows, found.front, {});
           print_table(study, found.rows, found.front);
-          if (again) print_again(study, found.rows, answer, *again);
+          if (again) print_again(study, found.rows, *again);
         } else {
           print_why_none(study, asked);
         }
@@ -661,7 +660,8 @@ Result<std::optional<design::StudySensitivity>> sensitivity_of(const StudyOption
 Status write_study_files(const StudyOptions& o, const Study& study, const std::vector<Row>& rows,
                          const std::vector<std::size_t>& which, const std::vector<design::Sensitivity>& sensitivities,
                          const design::StudySensitivity& global, bool complete, const Row* machine_row,
-                         const std::vector<design::Start>& starts, const std::vector<double>& reference) {
+                         const std::vector<design::Start>& starts, const std::vector<double>& reference,
+                         const std::optional<design::JudgedAgain>& again) {
   files::Outputs out;
   if (!o.csv.empty()) {
     std::vector<std::size_t> in_order = which;
@@ -673,7 +673,7 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
     POLYPOD_TRY(out.add(o.output, std::move(text)));
   }
   const pages::StudyPage page{study, rows, sensitivities, global,    complete, POLYPOD_VERSION,
-                              command_line(), starts, reference};
+                              command_line(), starts, reference, again};
   constexpr double kWidth = 960;
   if (!o.front_svg.empty()) {
     POLYPOD_ASSIGN(figure, pages::front_figure(page));
@@ -736,6 +736,7 @@ Command study_command() {
             POLYPOD_ASSIGN(rows, store.rows());
             POLYPOD_ASSIGN(complete, store.complete());
             POLYPOD_ASSIGN(starts, design::kept_starts(store));
+            POLYPOD_ASSIGN(again, design::kept_again(store));
             POLYPOD_ASSIGN(reference, reference_of(*o, study));
             POLYPOD_ASSIGN(which, chosen_rows(*o, study, rows));
             const Row* machine_row = nullptr;
@@ -748,7 +749,7 @@ Command study_command() {
             const auto sensitivities = design::sensitivities(study, rows);
             sort_rows(study, rows, front, which);
             POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row,
-                                          starts, reference));
+                                          starts, reference, again));
             std::vector<std::size_t> listed = which;
             listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
             if (context.json) {
@@ -766,6 +767,7 @@ Command study_command() {
                         {"sensitivities", sensitivities_json(study, sensitivities)},
                         {"listed", list}});
               if (!starts.empty()) out["starts"] = starts_json(starts);
+              if (again) out["judged_again"] = again_json(study, *again);
               const auto volume = design::front_volume(study, rows, front, reference);
               if (volume && study.wants_front()) out["hypervolume"] = hypervolume_json(study, *volume);
               if (global.design.groups > 0) out["global_sensitivities"] = global_json(study, global);
@@ -780,7 +782,7 @@ Command study_command() {
             if (best) {
               fmt::print("\n");
               print_row(study, rows[*best], start_of(rows));
-              print_binding(study, rows[*best], design::may_flatter(study));
+              print_binding(study, rows[*best], again ? !again->holds_kept() : design::may_flatter(study));
             } else if (front.empty() && !rows.empty()) {
               print_why_none(study, rows);
             }
@@ -788,6 +790,7 @@ Command study_command() {
               fmt::print("the front has {} points\n", front.size());
               print_hypervolume(study, rows, front, reference);
             }
+            if (again) print_again(study, rows, *again);
             if (!listed.empty()) {
               fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());
               print_table(study, rows, listed);

@@ -602,36 +602,10 @@ Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varie
   return judged(study, *m, study.parameters(varied), incumbents, options);
 }
 
-namespace {
-constexpr int kFinest = 512;
-}  // namespace
-
 bool may_flatter(const Study& study) {
   const std::vector<Figure> figures = study.figures();
-  return !study.of_cell && study.resolution < kFinest &&
+  return !study.of_cell && study.resolution < kFinestResolution &&
          std::any_of(figures.begin(), figures.end(), [&](Figure f) { return study.surveys(f); });
-}
-
-bool JudgedAgain::holds_kept() const {
-  return std::all_of(evaluations.begin(), evaluations.end(),
-                     [](const Evaluation& e) { return e.state == State::done; });
-}
-
-Result<std::optional<JudgedAgain>> judge_again(const Study& study, const std::vector<std::vector<double>>& candidates,
-                                               const EvaluateOptions& options,
-                                               const std::function<void(double)>& progress) {
-  if (candidates.empty() || !may_flatter(study)) return std::optional<JudgedAgain>{};
-  Study finer = study;
-  finer.resolution = std::min(kFinest, 2 * study.resolution);
-  JudgedAgain out;
-  out.resolution = finer.resolution;
-  for (const std::vector<double>& varied : candidates) {
-    if (progress) progress(static_cast<double>(out.evaluations.size()) / static_cast<double>(candidates.size()));
-    POLYPOD_ASSIGN(evaluation, evaluate(finer, varied, {}, options));
-    out.evaluations.push_back(std::move(evaluation));
-  }
-  if (progress) progress(1);
-  return std::optional<JudgedAgain>(std::move(out));
 }
 
 }  // namespace polypod::design

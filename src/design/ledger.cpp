@@ -67,6 +67,7 @@ Status Ledger::begin() {
   }
   POLYPOD_TRY(store_.set_complete(false));
   POLYPOD_TRY(store_.set_note(kStarts, ""));
+  POLYPOD_TRY(store_.set_judged_again(0, {}));
   return start();
 }
 

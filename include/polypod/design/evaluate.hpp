@@ -73,21 +73,7 @@ Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varie
 /// flattering.
 bool may_flatter(const Study& study);
 
-/// Candidates judged again over a survey with twice as many points a side (512 at most): a search finds machines that
-/// the points of its own survey flatter.
-struct JudgedAgain {
-  int resolution = 0;
-  std::vector<Evaluation> evaluations;  ///< in the order of the candidates
-  /// Whether each of them keeps all holds.
-  [[nodiscard]] bool holds_kept() const;
-};
-/// None where no figure or hold is of a survey, of cells, and of no candidates. `progress` gets the share that is done.
-/// Errors: WS110 (cancelled).
-Result<std::optional<JudgedAgain>> judge_again(const Study& study, const std::vector<std::vector<double>>& candidates,
-                                               const EvaluateOptions& options,
-                                               const std::function<void(double)>& progress = {});
-
-/// The same for the machine as it is in its file, whole.
+/// evaluate() for the machine as it is in its file, whole.
 Result<Evaluation> evaluate_machine(const Study& study, const AnyMachine& machine, const Incumbents& incumbents,
                                     const EvaluateOptions& options);
 

@@ -73,9 +73,22 @@ Result<std::vector<Start>> kept_starts(const Store& store);
 /// How the starts ended, in one line. The rows must hold theirs.
 std::string in_words(const std::vector<Start>& starts, const std::vector<Row>& rows);
 
-/// What of an outcome is worth judging again over a finer survey (judge_again), as indices of rows: the best; without one
-/// the points of the front where the study has holds that they may break.
-std::vector<std::size_t> rows_to_judge_again(const Study& study, const Outcome& outcome);
+/// Rows judged again over a survey with twice as many points a side (512 at most): a search finds machines that the
+/// points of its own survey flatter.
+struct JudgedAgain {
+  int resolution = 0;
+  std::vector<Row> rows;  ///< with their numbers in the study and what the finer survey says of them
+  /// Whether each of them keeps all holds.
+  [[nodiscard]] bool holds_kept() const;
+};
+/// The answer of a search judged again, and kept in the store: the best; without one the points of the front where the
+/// study has holds that they may break. None where no figure or hold is of a survey, and of cells. `progress` gets the
+/// share that is done. Errors: WS110 (cancelled), those of the store.
+Result<std::optional<JudgedAgain>> judge_again(const Study& study, Store& store, const Outcome& outcome,
+                                               const EvaluateOptions& options,
+                                               const std::function<void(double)>& progress = {});
+/// What the store has of it; none since a search went on. Errors: those of the store.
+Result<std::optional<JudgedAgain>> kept_again(const Store& store);
 
 /// Whether the machine of the study is one of its candidates: within the ranges, with all ties.
 bool start_is_candidate(const Study& study);
