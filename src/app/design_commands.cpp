@@ -33,11 +33,11 @@ std::string beside(const std::string& folder, const char* name) {
   return (std::filesystem::path(folder) / name).string();
 }
 
-Json values_json(const Study& study, const Row& row) {
+Json values_json(const Study& study, const design::Evaluation& e) {
   Json out = Json::object();
   const std::vector<design::Figure> figures = study.figures();
   for (std::size_t i = 0; i < figures.size(); ++i)
-    out[design::info_of(figures[i]).name] = number_json(row.evaluation.figures[i].value);
+    out[design::info_of(figures[i]).name] = number_json(e.figures[i].value);
   return out;
 }
 
@@ -54,7 +54,7 @@ Json row_json(const Study& study, const Row& row) {
            {"state", design::name_of(e.state)},
            {"phase", design::name_of(row.phase)},
            {"parameters", parameters},
-           {"values", values_json(study, row)}};
+           {"values", values_json(study, e)}};
   if (!bounds.empty()) out["bounds"] = bounds;
   if (!study.wants_front()) {
     out["objective"] = number_json(e.objective.value);
@@ -160,73 +160,90 @@ void print_binding(const Study& study, const Row& row, bool in_search) {
              text);
 }
 
-/// What a finer survey says of the best machine.
+/// What a finer survey says of the answer.
 Json again_json(const Study& study, const design::JudgedAgain& again) {
-  Json values = Json::object();
-  const std::vector<design::Figure> figures = study.figures();
-  for (std::size_t i = 0; i < figures.size(); ++i)
-    values[design::info_of(figures[i]).name] = number_json(again.evaluation.figures[i].value);
-  const bool kept = again.evaluation.state == State::done;
-  return {{"resolution", again.resolution},
-          {"values", values},
-          {"holds_kept", kept},
-          {"reason", kept ? Json() : Json(again.evaluation.reason)}};
-}
-void print_again(const Study& study, const Row& row, const design::JudgedAgain& again) {
-  std::vector<std::string> changed;
-  const std::vector<design::Figure> figures = study.figures();
-  for (std::size_t i = 0; i < figures.size(); ++i) {
-    const double was = row.evaluation.figures[i].value, is = again.evaluation.figures[i].value;
-    if (study.surveys(figures[i]) && std::isfinite(is))
-      changed.push_back(fmt::format("{} {} ({})", design::info_of(figures[i]).name, shown(is), shown(was)));
+  Json list = Json::array();
+  for (const Row& row : again.rows) {
+    const design::Evaluation& e = row.evaluation;
+    const bool kept = e.state == State::done;
+    list.push_back({{"row", row.row},
+                    {"values", values_json(study, e)},
+                    {"holds_kept", kept},
+                    {"reason", kept ? Json() : Json(e.reason)}});
   }
-  fmt::print("judged again with resolution {} instead of {}: {}{}\n", again.resolution, study.resolution,
-             fmt::join(changed, ", "),
-             again.evaluation.state == State::done
-                 ? study.holds.empty() ? "" : "; all holds are kept"
-                 : fmt::format("; no: {}. Search with a higher resolution", one_line(again.evaluation.reason)));
+  return {{"resolution", again.resolution}, {"holds_kept", again.holds_kept()}, {"rows", list}};
+}
+Json starts_json(const std::vector<design::Start>& starts) {
+  Json out = Json::array();
+  for (const design::Start& s : starts)
+    out.push_back({{"evaluations", s.evaluations}, {"row", s.row}, {"ended_by_itself", s.by_itself}});
+  return out;
 }
 
-/// The points of a front that break a hold over a finer survey, as indices of rows.
-struct FrontAgain {
-  int resolution = 0;
-  std::vector<std::pair<std::size_t, std::string>> broken;  ///< and why
-};
-/// None where no survey could flatter a hold.
-Result<std::optional<FrontAgain>> judge_front_again(const Study& study, const std::vector<Row>& rows,
-                                                    const std::vector<std::size_t>& front,
-                                                    const design::EvaluateOptions& options,
-                                                    const std::function<bool(double)>& progress) {
-  if (study.holds.empty()) return std::optional<FrontAgain>{};
-  FrontAgain out;
-  for (std::size_t k = 0; k < front.size(); ++k) {
-    const std::size_t i = front[k];
-    progress(double(k) / double(front.size()));
-    POLYPOD_ASSIGN(again, design::judge_again(study, rows[i].varied, options));
-    if (!again) return std::optional<FrontAgain>{};
-    out.resolution = again->resolution;
-    if (again->evaluation.state != State::done) out.broken.emplace_back(i, again->evaluation.reason);
+Json hypervolume_json(const Study& study, const design::FrontVolume& volume) {
+  Json reference = Json::object(), best = Json::object();
+  for (std::size_t i = 0; i < study.goals.size(); ++i) {
+    const char* name = design::info_of(study.goals[i].figure).name;
+    reference[name] = number_json(volume.reference[i]);
+    best[name] = number_json(volume.best[i]);
   }
-  progress(1);
-  return std::optional<FrontAgain>(std::move(out));
+  return {{"volume", volume.volume}, {"share", volume.share}, {"reference", reference}, {"best", best}};
 }
-Json front_again_json(const std::vector<Row>& rows, std::size_t points, const FrontAgain& again) {
-  Json broken = Json::array();
-  for (const auto& [i, reason] : again.broken) broken.push_back({{"row", rows[i].row}, {"reason", reason}});
-  return {
-      {"resolution", again.resolution}, {"points", points}, {"holds_kept", again.broken.empty()}, {"broken", broken}};
+
+void print_hypervolume(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& front,
+                       const std::vector<double>& reference) {
+  const auto volume = design::front_volume(study, rows, front, reference);
+  if (volume) fmt::print("{}\n", design::in_words(study, *volume));
 }
-void print_front_again(const Study& study, const std::vector<Row>& rows, std::size_t points, const FrontAgain& again) {
-  fmt::print("judged again with resolution {} instead of {}: ", again.resolution, study.resolution);
-  if (again.broken.empty()) {
-    fmt::print("all {} points keep all holds\n", points);
-    return;
+
+/// By how much a figure changes at most, as a share of what the search found.
+double largest_change(const std::vector<const Row*>& before, const design::JudgedAgain& again, std::size_t figure) {
+  double out = 0;
+  for (std::size_t k = 0; k < before.size(); ++k) {
+    const double was = before[k]->evaluation.figures[figure].value, is = again.rows[k].evaluation.figures[figure].value;
+    if (std::isfinite(is) && was != 0) out = std::max(out, std::abs(is / was - 1));
   }
-  fmt::print("no: {} of {} points break a hold. Search with a higher resolution\n", again.broken.size(), points);
+  return out;
+}
+
+/// `rows`: of the search, which hold those that were judged again.
+void print_again(const Study& study, const std::vector<Row>& rows, const design::JudgedAgain& again) {
+  std::vector<const Row*> before;
+  for (const Row& row : again.rows)
+    before.push_back(&*std::find_if(rows.begin(), rows.end(), [&](const Row& r) { return r.row == row.row; }));
+  std::vector<std::string> changed;
+  const std::size_t count = before.size();
+  const bool one = count == 1;
+  const std::vector<design::Figure> figures = study.figures();
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    if (!study.surveys(figures[i])) continue;
+    const char* name = design::info_of(figures[i]).name;
+    const double is = again.rows[0].evaluation.figures[i].value;
+    if (!one) {
+      changed.push_back(fmt::format("{} changes by at most {:.2g} %", name,
+                                    100 * largest_change(before, again, i)));
+    } else if (std::isfinite(is)) {
+      changed.push_back(
+          fmt::format("{} {} ({})", name, shown(is), shown(before[0]->evaluation.figures[i].value)));
+    }
+  }
+  std::vector<std::size_t> broken;
+  for (std::size_t k = 0; k < count; ++k)
+    if (again.rows[k].evaluation.state != State::done) broken.push_back(k);
+  const auto reason = [&](std::size_t k) { return one_line(again.rows[k].evaluation.reason); };
+  const std::string verdict = broken.empty()
+                                  ? study.holds.empty() ? ""
+                                    : one               ? "; all holds are kept"
+                                                        : fmt::format("; all {} points keep all holds", count)
+                              : one ? fmt::format("; no: {}", reason(0))
+                                    : fmt::format("; no: {} of {} points break a hold", broken.size(), count);
+  fmt::print("judged again with resolution {} instead of {}: {}{}{}\n", again.resolution, study.resolution,
+             fmt::join(changed, ", "), verdict, broken.empty() ? "" : ". Search with a higher resolution");
+  if (one) return;
   constexpr std::size_t kShown = 5;
-  for (std::size_t k = 0; k < std::min(kShown, again.broken.size()); ++k)
-    fmt::print("  row {}: {}\n", rows[again.broken[k].first].row, one_line(again.broken[k].second));
-  if (again.broken.size() > kShown) fmt::print("  and {} more, see --json\n", again.broken.size() - kShown);
+  for (std::size_t k = 0; k < std::min(kShown, broken.size()); ++k)
+    fmt::print("  row {}: {}\n", again.rows[broken[k]].row, reason(broken[k]));
+  if (broken.size() > kShown) fmt::print("  and {} more, see --json\n", broken.size() - kShown);
 }
 
 Json no_json(const Study& study, const std::vector<Row>& rows) {
@@ -365,26 +382,18 @@ Command optimize_command() {
         POLYPOD_ASSIGN(found, design::optimize(study, store, options));
         if (context.progress) fmt::print(stderr, "\r\x1b[K");
         if (interrupted()) return kBadInput;  // the database keeps what was done
-        POLYPOD_TRY(store.close());
         if (found.best) POLYPOD_TRY(write_winner(study, o->folder, found.rows[*found.best]));
         const std::vector<Row> asked(found.rows.begin(), found.rows.begin() + static_cast<std::ptrdiff_t>(found.asked));
         const bool any = found.best || !found.front.empty();
-        std::optional<design::JudgedAgain> again;
-        std::optional<FrontAgain> front_again;
         design::EvaluateOptions finer;
         finer.threads = o->threads;
         finer.cancelled = options.cancelled;
-        if (!found.best && any) {
-          POLYPOD_ASSIGN(judged, judge_front_again(study, found.rows, found.front, finer,
-                                                   progress_line(context, "judging the front again")));
-          front_again = std::move(judged);
-        }
-        if (found.best) {
-          POLYPOD_ASSIGN(judged, design::judge_again(study, found.rows[*found.best].varied, finer));
-          again = std::move(judged);
-        }
-        const bool yes =
-            any && (!again || again->evaluation.state == State::done) && (!front_again || front_again->broken.empty());
+        POLYPOD_ASSIGN(again, design::judge_again(study, store, found, finer,
+                                                  [line = progress_line(context, "judging again")](double share) mutable {
+                                                    line(share);
+                                                  }));
+        POLYPOD_TRY(store.close());
+        const bool yes = any && (!again || again->holds_kept());
         const Row* start = start_of(found.rows);
         if (context.json) {
           Json out({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
@@ -399,8 +408,10 @@ Command optimize_command() {
                     {"database", design::database_of(o->folder)},
                     {"winner", found.best ? Json(beside(o->folder, kWinner)) : Json()}});
           if (found.best) out["binding"] = binding_json(study, found.rows[*found.best]);
+          if (!found.starts.empty()) out["starts"] = starts_json(found.starts);
+          if (const auto volume = design::front_volume(study, found.rows, found.front); volume && !found.best)
+            out["hypervolume"] = hypervolume_json(study, *volume);
           if (again) out["judged_again"] = again_json(study, *again);
-          if (front_again) out["judged_again"] = front_again_json(found.rows, found.front.size(), *front_again);
           if (!any) out["why_none"] = no_json(study, asked);
           print_json(out);
           return yes ? kDone : kAnswerIsNo;
@@ -413,15 +424,17 @@ Command optimize_command() {
           fmt::print("{} more are there of a search with another number of evaluations, and count\n",
                      found.rows.size() - asked.size());
         }
+        if (!found.starts.empty()) fmt::print("{}\n", design::in_words(found.starts, found.rows));
         if (found.best) {
           print_row(study, found.rows[*found.best], start);
-          print_binding(study, found.rows[*found.best], again && again->evaluation.state != State::done);
-          if (again) print_again(study, found.rows[*found.best], *again);
+          print_binding(study, found.rows[*found.best], again && !again->holds_kept());
+          if (again) print_again(study, found.rows, *again);
           fmt::print("wrote {}\n", beside(o->folder, kWinner));
         } else if (any) {
           fmt::print("the front has {} points\n", found.front.size());
+          print_hypervolume(study, found.rows, found.front, {});
           print_table(study, found.rows, found.front);
-          if (front_again) print_front_again(study, found.rows, found.front.size(), *front_again);
+          if (again) print_again(study, found.rows, *again);
         } else {
           print_why_none(study, asked);
         }
@@ -435,15 +448,15 @@ namespace {
 
 struct StudyOptions {
   std::string folder, csv, machine, output, report, front_svg, parallel_svg, state, sensitivity;
-  std::vector<std::string> where;
+  std::vector<std::string> where, reference;
   int top = 10, evaluations = 0, seed = 1, threads = 0;
 };
 
 Result<std::vector<std::size_t>> chosen_rows(const StudyOptions& o, const Study& study, const std::vector<Row>& rows) {
-  std::vector<design::Condition> conditions;
+  std::vector<std::function<bool(const Row&)>> tests;
   for (const std::string& text : o.where) {
     POLYPOD_ASSIGN(c, design::condition_of(study, text));
-    conditions.push_back(std::move(c));
+    tests.push_back(design::test_of(study, c));
   }
   if (!o.state.empty()) {
     bool known = false;
@@ -456,9 +469,7 @@ Result<std::vector<std::size_t>> chosen_rows(const StudyOptions& o, const Study&
   std::vector<std::size_t> out;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (!o.state.empty() && o.state != design::name_of(rows[i].evaluation.state)) continue;
-    const bool all = std::all_of(conditions.begin(), conditions.end(),
-                                 [&](const auto& c) { return design::meets(study, rows[i], c); });
-    if (all) out.push_back(i);
+    if (std::all_of(tests.begin(), tests.end(), [&](const auto& test) { return test(rows[i]); })) out.push_back(i);
   }
   return out;
 }
@@ -475,6 +486,22 @@ void sort_rows(const Study& study, const std::vector<Row>& rows, const std::vect
     const double u = x.objective.value, v = y.objective.value;
     return std::isnan(v) ? !std::isnan(u) : u > v;
   });
+}
+
+/// A figure a goal, NaN where --reference names none.
+Result<std::vector<double>> reference_of(const StudyOptions& o, const Study& study) {
+  std::vector<double> out(study.goals.size(), std::numeric_limits<double>::quiet_NaN());
+  for (const std::string& text : o.reference) {
+    POLYPOD_ASSIGN(c, design::condition_of(study, text));
+    const auto goal = std::find_if(study.goals.begin(), study.goals.end(),
+                                   [&](const design::Goal& g) { return c.name == design::info_of(g.figure).name; });
+    if (goal == study.goals.end() || c.is != design::Condition::Is::equal || !study.wants_front()) {
+      return fail("AP235", fmt::format("--reference {}: not GOAL=number of a front", text), {},
+                  "write volume_mm3=20000, for goals of a study with several of them and without weights");
+    }
+    out[static_cast<std::size_t>(goal - study.goals.begin())] = c.value;
+  }
+  return out;
 }
 
 /// The row of --machine: a number, or `best`.
@@ -632,19 +659,21 @@ Result<std::optional<design::StudySensitivity>> sensitivity_of(const StudyOption
 
 Status write_study_files(const StudyOptions& o, const Study& study, const std::vector<Row>& rows,
                          const std::vector<std::size_t>& which, const std::vector<design::Sensitivity>& sensitivities,
-                         const design::StudySensitivity& global, bool complete, const Row* machine_row) {
+                         const design::StudySensitivity& global, bool complete, const Row* machine_row,
+                         const std::vector<design::Start>& starts, const std::vector<double>& reference,
+                         const std::optional<design::JudgedAgain>& again) {
   files::Outputs out;
   if (!o.csv.empty()) {
-    std::vector<Row> chosen;
-    for (const std::size_t i : which) chosen.push_back(rows[i]);
-    std::sort(chosen.begin(), chosen.end(), [](const Row& a, const Row& b) { return a.row < b.row; });
-    POLYPOD_TRY(out.add(o.csv, design::rows_csv(study, chosen)));
+    std::vector<std::size_t> in_order = which;
+    std::sort(in_order.begin(), in_order.end(), [&](std::size_t a, std::size_t b) { return rows[a].row < rows[b].row; });
+    POLYPOD_TRY(out.add(o.csv, design::rows_csv(study, rows, in_order)));
   }
   if (machine_row != nullptr) {
     POLYPOD_ASSIGN(text, design::file_of_row(study, *machine_row));
     POLYPOD_TRY(out.add(o.output, std::move(text)));
   }
-  const pages::StudyPage page{study, rows, sensitivities, global, complete, POLYPOD_VERSION, command_line()};
+  const pages::StudyPage page{study, rows, sensitivities, global,    complete, POLYPOD_VERSION,
+                              command_line(), starts, reference, again};
   constexpr double kWidth = 960;
   if (!o.front_svg.empty()) {
     POLYPOD_ASSIGN(figure, pages::front_figure(page));
@@ -674,6 +703,9 @@ Command study_command() {
             a.option("--where", o->where,
                      "NAME>=number: only rows with a parameter, figure or objective so (repeatable)");
             a.option("--state", o->state, "done, violates, dropped or refused: only rows in this state");
+            a.option("--reference", o->reference,
+                     "GOAL=number: the reference point of a front's hypervolume (repeatable; default: a tenth of its "
+                     "span beyond the front)");
             a.option("--csv", o->csv, "Write these rows as a table");
             a.option("--machine", o->machine, "A row's number, or `best`: its machine goes to --output");
             a.option("-o,--output", o->output, "The machine file of --machine");
@@ -703,6 +735,9 @@ Command study_command() {
             const design::StudySensitivity& global = asked ? *asked : kept;
             POLYPOD_ASSIGN(rows, store.rows());
             POLYPOD_ASSIGN(complete, store.complete());
+            POLYPOD_ASSIGN(starts, design::kept_starts(store));
+            POLYPOD_ASSIGN(again, design::kept_again(store));
+            POLYPOD_ASSIGN(reference, reference_of(*o, study));
             POLYPOD_ASSIGN(which, chosen_rows(*o, study, rows));
             const Row* machine_row = nullptr;
             if (!o->machine.empty()) {
@@ -713,7 +748,8 @@ Command study_command() {
             const std::vector<std::size_t> front = design::front_of(study, rows);
             const auto sensitivities = design::sensitivities(study, rows);
             sort_rows(study, rows, front, which);
-            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row));
+            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row,
+                                          starts, reference, again));
             std::vector<std::size_t> listed = which;
             listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
             if (context.json) {
@@ -730,6 +766,10 @@ Command study_command() {
                         {"front", front_json(study, rows, front)},
                         {"sensitivities", sensitivities_json(study, sensitivities)},
                         {"listed", list}});
+              if (!starts.empty()) out["starts"] = starts_json(starts);
+              if (again) out["judged_again"] = again_json(study, *again);
+              const auto volume = design::front_volume(study, rows, front, reference);
+              if (volume && study.wants_front()) out["hypervolume"] = hypervolume_json(study, *volume);
               if (global.design.groups > 0) out["global_sensitivities"] = global_json(study, global);
               print_json(out);
               return kDone;
@@ -738,14 +778,19 @@ Command study_command() {
                        study.seed, store.version());
             fmt::print("{} rows: {}; the search {}\n", rows.size(), states_text(rows),
                        complete ? "ended by itself" : "was broken off, or is running");
+            if (!starts.empty()) fmt::print("{}\n", design::in_words(starts, rows));
             if (best) {
               fmt::print("\n");
               print_row(study, rows[*best], start_of(rows));
-              print_binding(study, rows[*best], design::may_flatter(study));
+              print_binding(study, rows[*best], again ? !again->holds_kept() : design::may_flatter(study));
             } else if (front.empty() && !rows.empty()) {
               print_why_none(study, rows);
             }
-            if (study.wants_front()) fmt::print("the front has {} points\n", front.size());
+            if (study.wants_front()) {
+              fmt::print("the front has {} points\n", front.size());
+              print_hypervolume(study, rows, front, reference);
+            }
+            if (again) print_again(study, rows, *again);
             if (!listed.empty()) {
               fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());
               print_table(study, rows, listed);

@@ -41,17 +41,21 @@ Eigen::VectorXd standard_ranks(const std::vector<double>& values) {
   return out / size;
 }
 
-/// A name and how a row's number of it is found.
-double number_of(const Study& study, const Row& row, const std::string& name) {
-  if (name == "row") return static_cast<double>(row.row);
-  if (name == "seconds") return row.evaluation.seconds;
-  if (name == "objective") return row.evaluation.objective.value;
+/// How a row's number of this name is found. The study must outlive it.
+std::function<double(const Row&)> column_of(const Study& study, const std::string& name) {
+  if (name == "row") return [](const Row& row) { return static_cast<double>(row.row); };
+  if (name == "seconds") return [](const Row& row) { return row.evaluation.seconds; };
+  if (name == "objective") return [](const Row& row) { return row.evaluation.objective.value; };
   const std::vector<Figure> figures = study.figures();
   for (std::size_t i = 0; i < figures.size(); ++i)
-    if (name == info_of(figures[i]).name) return row.evaluation.figures[i].value;
-  for (const auto& [key, value] : parameters_of(study, row))
-    if (key == name) return value;
-  return kNone;
+    if (name == info_of(figures[i]).name) return [i](const Row& row) { return row.evaluation.figures[i].value; };
+  for (std::size_t i = 0; i < study.vary.size(); ++i)
+    if (name == study.vary[i].key) return [i](const Row& row) { return row.varied[i]; };
+  return [&study, name](const Row& row) {
+    for (const auto& [key, value] : parameters_of(study, row))
+      if (key == name) return value;
+    return kNone;
+  };
 }
 
 std::vector<std::string> names_of(const Study& study) {
@@ -61,6 +65,13 @@ std::vector<std::string> names_of(const Study& study) {
   for (const Vary& v : study.vary) out.push_back(v.key);
   for (const Tie& t : study.ties) out.push_back(t.key);
   return out;
+}
+
+/// A figure of a row; NaN where the study does not ask for it.
+Value value_of(const Study& study, const Row& row, Figure figure) {
+  const std::vector<Figure> figures = study.figures();
+  const auto at = static_cast<std::size_t>(std::find(figures.begin(), figures.end(), figure) - figures.begin());
+  return at < figures.size() ? row.evaluation.figures[at] : Value{};
 }
 
 bool is_volume(Figure f) {
@@ -86,33 +97,43 @@ std::vector<Sensitivity> sensitivities(const Study& study, const std::vector<Row
   if (!study.wants_front()) asked.emplace_back("objective");
   for (const Figure f : study.figures()) asked.emplace_back(info_of(f).name);
   std::vector<Sensitivity> out;
+  const std::size_t n = study.vary.size();
+  // Most figures are known of the same rows: their parameters are ranked once.
+  std::vector<std::size_t> ranked, moving;
+  Eigen::MatrixXd X;
   for (const std::string& name : asked) {
+    const auto column = column_of(study, name);
     std::vector<double> y;
-    std::vector<std::vector<double>> x(study.vary.size());
-    for (const Row& row : rows) {
+    std::vector<std::size_t> which;
+    for (std::size_t r = 0; r < rows.size(); ++r) {
+      const Row& row = rows[r];
       if (row.evaluation.state != State::done && row.evaluation.state != State::dropped) continue;
-      const double value = number_of(study, row, name);
+      const double value = column(row);
       const bool whole = std::none_of(row.varied.begin(), row.varied.end(), [](double v) { return std::isnan(v); });
       if (!std::isfinite(value) || !whole) continue;
       y.push_back(value);
-      for (std::size_t i = 0; i < x.size(); ++i) x[i].push_back(row.varied[i]);
+      which.push_back(r);
     }
-    if (y.size() < kRowsEach * (x.size() + 1)) continue;
+    if (y.size() < kRowsEach * (n + 1)) continue;
     const Eigen::VectorXd ranks = standard_ranks(y);
     if (ranks.size() == 0) continue;
-    std::vector<std::size_t> moving;
-    Eigen::MatrixXd X(ranks.size(), 0);
-    for (std::size_t i = 0; i < x.size(); ++i) {
-      const Eigen::VectorXd column = standard_ranks(x[i]);
-      if (column.size() == 0) continue;
-      moving.push_back(i);
-      X.conservativeResize(Eigen::NoChange, X.cols() + 1);
-      X.col(X.cols() - 1) = column;
+    if (which != ranked) {
+      ranked = which;
+      moving.clear();
+      X.resize(ranks.size(), 0);
+      for (std::size_t i = 0; i < n; ++i) {
+        std::vector<double> x;
+        for (const std::size_t r : which) x.push_back(rows[r].varied[i]);
+        const Eigen::VectorXd of_x = standard_ranks(x);
+        if (of_x.size() == 0) continue;
+        moving.push_back(i);
+        X.conservativeResize(Eigen::NoChange, X.cols() + 1);
+        X.col(X.cols() - 1) = of_x;
+      }
     }
     if (moving.empty()) continue;
     const Eigen::VectorXd b = X.completeOrthogonalDecomposition().solve(ranks);
-    Sensitivity s{name, std::vector<double>(x.size(), kNone), 1 - (ranks - X * b).squaredNorm(),
-                  static_cast<int>(y.size())};
+    Sensitivity s{name, std::vector<double>(n, kNone), 1 - (ranks - X * b).squaredNorm(), static_cast<int>(y.size())};
     for (std::size_t k = 0; k < moving.size(); ++k) s.coefficients[moving[k]] = b[static_cast<Eigen::Index>(k)];
     out.push_back(std::move(s));
   }
@@ -146,21 +167,23 @@ Result<Condition> condition_of(const Study& study, const std::string& text) {
   return out;
 }
 
-bool meets(const Study& study, const Row& row, const Condition& c) {
-  const double x = number_of(study, row, c.name);
-  switch (c.is) {
-    case Condition::Is::below:
-      return x < c.value;
-    case Condition::Is::at_most:
-      return x <= c.value;
-    case Condition::Is::above:
-      return x > c.value;
-    case Condition::Is::at_least:
-      return x >= c.value;
-    case Condition::Is::equal:
-      break;
-  }
-  return x == c.value;
+std::function<bool(const Row&)> test_of(const Study& study, const Condition& c) {
+  return [column = column_of(study, c.name), is = c.is, bound = c.value](const Row& row) {
+    const double x = column(row);
+    switch (is) {
+      case Condition::Is::below:
+        return x < bound;
+      case Condition::Is::at_most:
+        return x <= bound;
+      case Condition::Is::above:
+        return x > bound;
+      case Condition::Is::at_least:
+        return x >= bound;
+      case Condition::Is::equal:
+        break;
+    }
+    return x == bound;
+  };
 }
 
 std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Row>& rows) {
@@ -178,15 +201,18 @@ std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Ro
         s.broken += broken ? 1 : 0;
         continue;
       }
-      const double x = number_of(study, row, info_of(h.figure).name);
-      if (std::isnan(x)) continue;
+      const Value v = value_of(study, row, h.figure);
+      if (std::isnan(v.value)) continue;
       ++s.judged;
-      const double by = std::max(h.min ? *h.min - x : 0, h.max ? x - *h.max : 0);
+      // Coarse bounds, of a row that something else ended, break a hold where both do.
+      const bool ended_here = row.evaluation.reason.find(s.hold) != std::string::npos;
+      const double low = ended_here ? v.lower : v.upper, high = ended_here ? v.upper : v.lower;
+      const double below = h.min ? *h.min - low : 0, above = h.max ? high - *h.max : 0, by = std::max(below, above);
       if (!(by > 0)) continue;
       ++s.broken;
       if (by >= least) continue;
       least = by;
-      s.nearest = x;
+      s.nearest = below > above ? low : high;
     }
     out.push_back(std::move(s));
   }
@@ -204,6 +230,39 @@ std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Ro
   return out;
 }
 
+namespace {
+
+/// The area between a corner and points in a plane, to which points are added one by one.
+class Staircase {
+ public:
+  Staircase(double x, double y) : x_(x), y_(y) {}
+  [[nodiscard]] double area() const { return area_; }
+  void add(double x, double y) {
+    auto right = steps_.upper_bound(x);
+    double level = right == steps_.end() ? y_ : right->second;
+    if (level >= y) return;
+    // The strips between what was there and the new step, from it to the left.
+    double from = x;
+    auto step = right;
+    while (step != steps_.begin() && std::prev(step)->second <= y) {
+      --step;
+      area_ += (from - step->first) * (y - level);
+      from = step->first;
+      level = step->second;
+    }
+    const double end = step == steps_.begin() ? x_ : std::prev(step)->first;
+    area_ += (from - end) * (y - level);
+    steps_.erase(step, right);
+    steps_.emplace(x, y);
+  }
+
+ private:
+  double x_, y_, area_ = 0;
+  std::map<double, double> steps_;  // y of each x, falling
+};
+
+}  // namespace
+
 double hypervolume(std::vector<std::vector<double>> points, const std::vector<double>& corner) {
   std::erase_if(points, [&](const auto& p) {
     for (std::size_t i = 0; i < corner.size(); ++i)
@@ -218,12 +277,59 @@ double hypervolume(std::vector<std::vector<double>> points, const std::vector<do
   double out = 0;
   std::vector<std::vector<double>> above;
   const std::vector<double> base(corner.begin(), corner.end() - 1);
+  Staircase steps(corner[0], corner[1]);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    above.emplace_back(points[i].begin(), points[i].end() - 1);
     const double next = i + 1 < points.size() ? points[i + 1][last] : corner[last];
+    if (last <= 2) {
+      steps.add(points[i][0], points[i][1]);
+      out = last == 1 ? steps.area() : out + (points[i][last] - next) * steps.area();
+      continue;
+    }
+    above.emplace_back(points[i].begin(), points[i].end() - 1);
     if (points[i][last] > next) out += (points[i][last] - next) * hypervolume(above, base);
   }
   return out;
+}
+
+std::optional<FrontVolume> front_volume(const Study& study, const std::vector<Row>& rows,
+                                        const std::vector<std::size_t>& front, const std::vector<double>& reference) {
+  const std::size_t n = study.goals.size();
+  if (front.empty() || n < 2) return {};
+  const auto sign = [&](std::size_t i) { return study.goals[i].maximise ? 1.0 : -1.0; };
+  std::vector<std::vector<double>> points;
+  for (const std::size_t r : front) {
+    std::vector<double> p;
+    for (std::size_t i = 0; i < n; ++i) p.push_back(sign(i) * value_of(study, rows[r], study.goals[i].figure).value);
+    points.push_back(std::move(p));
+  }
+  FrontVolume out;
+  std::vector<double> corner;
+  double box = 1;
+  for (std::size_t i = 0; i < n; ++i) {
+    double least = points[0][i], most = least;
+    for (const auto& p : points) {
+      least = std::min(least, p[i]);
+      most = std::max(most, p[i]);
+    }
+    constexpr double kBeyond = 0.1;
+    const bool given = i < reference.size() && !std::isnan(reference[i]);
+    corner.push_back(given ? sign(i) * reference[i] : least - kBeyond * (most - least));
+    box *= std::max(0.0, most - corner[i]);
+    out.best.push_back(sign(i) * most);
+    out.reference.push_back(sign(i) * corner[i]);
+  }
+  out.volume = hypervolume(std::move(points), corner);
+  out.share = box > 0 ? out.volume / box : 0;
+  return out;
+}
+
+std::string in_words(const Study& study, const FrontVolume& volume) {
+  std::string reference;
+  for (std::size_t i = 0; i < study.goals.size(); ++i) {
+    reference += fmt::format("{}{} {:.6g}", i > 0 ? ", " : "", info_of(study.goals[i].figure).name, volume.reference[i]);
+  }
+  return fmt::format("hypervolume {:.6g}, {:.3g} % of the box between the best of each goal and the reference point {}",
+                     volume.volume, 100 * volume.share, reference);
 }
 
 std::vector<std::pair<std::string, int>> refusals(const std::vector<Row>& rows) {
@@ -240,11 +346,11 @@ std::vector<std::string> binding(const Study& study, const Row& row) {
   constexpr double kNear = 0.01;
   for (const Hold& h : study.holds) {
     if (h.box) continue;
-    const double x = number_of(study, row, info_of(h.figure).name);
-    const auto near = [&](const std::optional<double>& bound) {
+    const Value v = value_of(study, row, h.figure);
+    const auto near = [&](double x, const std::optional<double>& bound) {
       return bound && std::abs(x - *bound) <= kNear * std::abs(*bound);
     };
-    if (near(h.min) || near(h.max)) out.push_back(h.in_words());
+    if (near(v.lower, h.min) || near(v.upper, h.max)) out.push_back(h.in_words());
   }
   for (std::size_t i = 0; i < study.vary.size(); ++i) {
     const Vary& v = study.vary[i];
@@ -267,7 +373,7 @@ std::vector<std::pair<std::string, double>> parameters_of(const Study& study, co
   return out;
 }
 
-std::string rows_csv(const Study& study, const std::vector<Row>& rows) {
+std::string rows_csv(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which) {
   const std::vector<Figure> figures = study.figures();
   std::string out = "row,state,phase,objective,objective_lower,objective_upper,violation";
   for (const Vary& v : study.vary) out += "," + field(v.key);
@@ -278,7 +384,8 @@ std::string rows_csv(const Study& study, const std::vector<Row>& rows) {
     if (is_volume(f)) out += "," + name + "_lower," + name + "_upper";
   }
   out += ",seconds,version,at,reason\n";
-  for (const Row& row : rows) {
+  for (const std::size_t k : which) {
+    const Row& row = rows[k];
     const Evaluation& e = row.evaluation;
     out += fmt::format("{},{},{},{},{},{},{}", row.row, name_of(e.state), name_of(row.phase), field(e.objective.value),
                        field(e.objective.lower), field(e.objective.upper), field(e.violation));

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// The search for one machine: evolution over all ranges, then what is nearest to the best.
+// The search for one machine: several starts, each with evolution over all ranges and then what is nearest to its best;
+// what is left of the evaluations goes to the best of all.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -25,6 +26,13 @@ struct Rank {
 Rank rank(const Ledger& ledger, const Member& m) {
   const Evaluation& e = ledger.of(m);
   return {e.violation, std::isnan(e.objective.value) ? -kInf : e.objective.value};
+}
+
+/// `best` becomes `m` where that is better, or where there was none.
+bool improve(const Ledger& ledger, Member& best, const Member& m) {
+  if (m.u.empty() || (!best.u.empty() && !(rank(ledger, m) > rank(ledger, best)))) return false;
+  best = m;
+  return true;
 }
 
 /// Factors and shares of crossing that led to better candidates.
@@ -102,12 +110,12 @@ void select(const Ledger& ledger, std::vector<Member>& population, const std::ve
   memory.keep();
 }
 
-Status evolve(Ledger& ledger, std::int64_t budget, bool first) {
+/// Leaves the best of the last population in `best`.
+Status evolve(Ledger& ledger, std::int64_t budget, bool first, Member& best) {
   const std::int64_t end = ledger.left() - budget;  // evaluations that stay
   const auto most = static_cast<std::int64_t>(8 * ledger.n() + 8);
   const auto start_size = static_cast<std::size_t>(std::clamp(budget / 6, std::int64_t{6}, most));
   std::vector<Member> population = ledger.latin(start_size, first);
-  if (!first && ledger.best()) population[0].u = ledger.best_shares();  // it takes part
   POLYPOD_TRY(ledger.ask(population, Phase::sample));
   constexpr std::size_t kLeast = 5;
   Memory memory;
@@ -135,6 +143,7 @@ Status evolve(Ledger& ledger, std::int64_t budget, bool first) {
     while (archive.size() > start_size)
       archive.erase(archive.begin() + static_cast<std::ptrdiff_t>(ledger.below(archive.size())));
   }
+  for (const Member& m : population) improve(ledger, best, m);
   return {};
 }
 
@@ -146,9 +155,8 @@ std::vector<std::size_t> without_steps(const Study& study) {
 }
 
 /// Neighbours of the best in what has steps or a list, until none is better.
-Status climb(Ledger& ledger) {
-  while (!ledger.over()) {
-    const Shares u = ledger.best_shares();
+Status climb(Ledger& ledger, std::int64_t end, Member& best) {
+  for (bool better = true; better && ledger.left() > end && !ledger.over();) {
     std::vector<Member> around;
     for (std::size_t i = 0; i < ledger.n(); ++i) {
       const Vary& v = ledger.study().vary[i];
@@ -156,89 +164,121 @@ Status climb(Ledger& ledger) {
       if (!count || *count < 2) continue;
       const double each = v.values.empty() ? 1.0 / static_cast<double>(*count - 1) : 1.0 / static_cast<double>(*count);
       for (const double sign : {-1.0, 1.0}) {
-        Member m{u, 0};
+        Member m{best.u, 0};
         m.u[i] += sign * each;
         if (m.u[i] > -1e-9 && m.u[i] < 1 + 1e-9) around.push_back(std::move(m));
       }
     }
-    if (around.empty()) return {};
-    const std::size_t before = *ledger.best();
     POLYPOD_TRY(ledger.ask(around, Phase::refine));
-    if (*ledger.best() == before) return {};
+    better = false;
+    for (const Member& m : around) better = improve(ledger, best, m) || better;
   }
   return {};
 }
 
 /// From the best each parameter alone at the ends of its range, all of them in one batch, then those together that
 /// gained, until nothing gains: optima of machines often lie in a corner, which small steps reach slowly.
-Status try_ends(Ledger& ledger) {
+Status try_ends(Ledger& ledger, std::int64_t end, Member& best) {
   const std::vector<std::size_t> free = without_steps(ledger.study());
-  while (!ledger.over()) {
-    const std::size_t before = *ledger.best();
-    const Shares u = ledger.best_shares();
+  for (bool better = true; better && ledger.left() > end && !ledger.over();) {
+    const Member from = best;
     std::vector<Member> ends;
     std::vector<std::size_t> which;
     for (const std::size_t i : free) {
-      for (const double end : {0.0, 1.0}) {
-        if (u[i] == end) continue;
-        ends.push_back({u, 0});
-        ends.back().u[i] = end;
+      for (const double at : {0.0, 1.0}) {
+        if (from.u[i] == at) continue;
+        ends.push_back({from.u, 0});
+        ends.back().u[i] = at;
         which.push_back(i);
       }
     }
     POLYPOD_TRY(ledger.ask_in_place(ends, Phase::refine));
-    if (ledger.over() || *ledger.best() == before) return {};
-    std::vector<Member> together{{u, 0}};
-    std::vector<Rank> reached(ledger.n(), rank(ledger, {u, before}));
+    std::vector<Member> together{{from.u, 0}};
+    std::vector<Rank> reached(ledger.n(), rank(ledger, from));
+    better = false;
     for (std::size_t k = 0; k < ends.size(); ++k) {
       const std::size_t i = which[k];
       if (ends[k].u.empty() || !(rank(ledger, ends[k]) > reached[i])) continue;
       reached[i] = rank(ledger, ends[k]);
       together[0].u[i] = ends[k].u[i];
+      better = improve(ledger, best, ends[k]) || better;
     }
+    if (!better) break;
     POLYPOD_TRY(ledger.ask(together, Phase::refine));
+    for (const Member& m : together) improve(ledger, best, m);
   }
   return {};
 }
 
-/// The subplex method from the best.
-Status refine(Ledger& ledger, double step) {
+/// The subplex method from the best. Whether it ended by itself.
+Result<bool> refine(Ledger& ledger, std::int64_t end, double step, Member& best) {
   const std::vector<std::size_t> free = without_steps(ledger.study());
-  if (free.empty() || ledger.over()) return {};
-  const Shares u = ledger.best_shares();
+  const std::int64_t most = ledger.left() - end;
+  if (free.empty()) return true;
+  if (most <= 0 || ledger.over()) return false;
+  const Shares u = best.u;
   Shares from;
   for (const std::size_t i : free) from.push_back(u[i]);
   Status failed;
   constexpr int kCallsEach = 4;  // what is asked again costs no evaluation
   constexpr double kLowest = -1e30, kBroken = 1e9;
-  subplex(
-      from, step, kCallsEach * static_cast<int>(ledger.left()),
+  const bool ended = subplex(
+      from, step, kCallsEach * static_cast<int>(most),
       [&](const Shares& at) {
         std::vector<Member> one{{u, 0}};
         for (std::size_t k = 0; k < free.size(); ++k) one[0].u[free[k]] = at[k];
         failed = ledger.ask(one, Phase::refine);
         if (!failed || one.empty()) return kLowest;
+        improve(ledger, best, one[0]);
         const Rank r = rank(ledger, one[0]);
         if (r.violation > 0) return -kBroken * (1 + std::min(r.violation, kBroken));
         return r.objective;
       },
-      [&] { return !failed || ledger.over(); });
-  return failed;
+      [&] { return !failed || ledger.over() || ledger.left() <= end; });
+  POLYPOD_TRY(failed);
+  return ended;
+}
+
+/// What is nearest to `best`, until `end` evaluations are left. Whether it ended by itself.
+Result<bool> go_up(Ledger& ledger, std::int64_t end, double step, Member& best) {
+  POLYPOD_TRY(climb(ledger, end, best));
+  POLYPOD_TRY(try_ends(ledger, end, best));
+  return refine(ledger, end, step, best);
+}
+
+constexpr double kGlobal = 0.6, kFirstStep = 0.08, kLaterStep = 0.03;
+
+/// One start: a new sample, evolution, and what is nearest to its best, in `budget` evaluations.
+Status start(Ledger& ledger, std::int64_t budget, bool first, Member& best) {
+  const std::int64_t before = ledger.left(), end = before - budget;
+  Member found;
+  POLYPOD_TRY(evolve(ledger, static_cast<std::int64_t>(kGlobal * static_cast<double>(budget)), first, found));
+  if (found.u.empty() || std::isinf(ledger.of(found).violation)) return {};  // nothing that could be judged
+  POLYPOD_ASSIGN(ended, go_up(ledger, end, kFirstStep, found));
+  ledger.add_start({static_cast<int>(before - ledger.left()), ledger.rows()[found.row].row, ended});
+  improve(ledger, best, found);
+  return {};
 }
 
 }  // namespace
 
 Status find_best(Ledger& ledger) {
+  // As many starts as have enough evaluations to come to an end; a fifth is kept for the best of them.
+  constexpr double kEach = 12, kForTheBest = 0.2;
+  constexpr std::int64_t kMostStarts = 5;
   constexpr int kMostRounds = 20;
-  constexpr double kGlobal = 0.6, kFirstStep = 0.08, kLaterStep = 0.03;
+  const std::int64_t all = ledger.left();
+  const auto planned = std::clamp<std::int64_t>(
+      static_cast<std::int64_t>(static_cast<double>(all) / (kEach * static_cast<double>(ledger.n() + 1))), 1, kMostStarts);
+  Member best;
+  for (std::int64_t k = 0; k < planned && !ledger.over(); ++k) {
+    const auto kept = static_cast<std::int64_t>(planned > 1 ? kForTheBest * static_cast<double>(all) : 0);
+    POLYPOD_TRY(start(ledger, (ledger.left() - kept) / (planned - k), k == 0, best));
+  }
+  if (!best.u.empty()) POLYPOD_TRY(go_up(ledger, 0, kLaterStep, best));
   for (int round = 0; round < kMostRounds && !ledger.over(); ++round) {
     const std::int64_t before = ledger.left();
-    POLYPOD_TRY(evolve(ledger, static_cast<std::int64_t>(kGlobal * static_cast<double>(before)), round == 0));
-    if (ledger.best()) {
-      POLYPOD_TRY(climb(ledger));
-      POLYPOD_TRY(try_ends(ledger));
-      POLYPOD_TRY(refine(ledger, round == 0 ? kFirstStep : kLaterStep));
-    }
+    POLYPOD_TRY(start(ledger, before, false, best));
     if (ledger.left() == before) break;  // nothing new is left to try
   }
   return {};

@@ -78,10 +78,11 @@ class Judge {
     out_.violation = kInf;
   }
 
-  /// Whether what is known decides already. `last`: nothing else will be computed.
+  /// Whether what is known decides already. `last`: nothing else will be computed, and a hold is kept only where the
+  /// worse bound of its figure keeps it.
   bool decided(bool last) {
-    double certain = box_violation_ + duty_violation_, likely = certain;
-    std::string broken = duty_violation_ > 0 ? duty_reason_ : box_violation_ > 0 ? box_reason_ : "";
+    double certain = box_violation_ + duty_violation_, not_proven = certain;
+    std::string broken = certain > 0 ? "not kept: " + (duty_violation_ > 0 ? duty_reason_ : box_reason_) : "";
     for (const Hold& h : study_.holds) {
       if (h.box) continue;
       const Value v = get(h.figure);
@@ -91,18 +92,20 @@ class Judge {
       constexpr double kLot = 1e6;
       if (h.min) {
         certain += share(*h.min - v.upper, *h.min);
-        likely += share(*h.min - v.value, *h.min);
+        not_proven += share(*h.min - v.lower, *h.min);
       }
       if (h.max) {
         certain += std::min(kLot, share(v.lower - *h.max, *h.max));
-        likely += std::min(kLot, share(v.value - *h.max, *h.max));
+        not_proven += std::min(kLot, share(v.upper - *h.max, *h.max));
       }
-      if (broken.empty() && (last ? likely : certain) > 0) broken = fmt::format("{}: {:.6g}", h.in_words(), v.value);
+      if (!broken.empty() || !((last ? not_proven : certain) > 0)) continue;
+      broken = fmt::format("{} {}: {:.6g}", certain > 0 ? "not kept:" : "not proven:", h.in_words(), v.value);
+      if (v.lower < v.upper) broken += fmt::format(", certainly {:.6g} to {:.6g}", v.lower, v.upper);
     }
-    out_.violation = last ? likely : certain;
+    out_.violation = last ? not_proven : certain;
     if (out_.violation > 0) {
       out_.state = State::violates;
-      out_.reason = "not kept: " + broken;
+      out_.reason = broken;
       return true;
     }
     for (const Goal& g : study_.goals) {
@@ -599,26 +602,10 @@ Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varie
   return judged(study, *m, study.parameters(varied), incumbents, options);
 }
 
-namespace {
-constexpr int kFinest = 512;
-}  // namespace
-
 bool may_flatter(const Study& study) {
   const std::vector<Figure> figures = study.figures();
-  return !study.of_cell && study.resolution < kFinest &&
+  return !study.of_cell && study.resolution < kFinestResolution &&
          std::any_of(figures.begin(), figures.end(), [&](Figure f) { return study.surveys(f); });
-}
-
-Result<std::optional<JudgedAgain>> judge_again(const Study& study, const std::vector<double>& varied,
-                                               const EvaluateOptions& options) {
-  if (!may_flatter(study)) return std::optional<JudgedAgain>{};
-  Study finer = study;
-  finer.resolution = std::min(kFinest, 2 * study.resolution);
-  JudgedAgain out;
-  out.resolution = finer.resolution;
-  POLYPOD_ASSIGN(evaluation, evaluate(finer, varied, {}, options));
-  out.evaluation = std::move(evaluation);
-  return std::optional<JudgedAgain>(std::move(out));
 }
 
 }  // namespace polypod::design

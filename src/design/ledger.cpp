@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <sstream>
 
 #include "rounded.hpp"
 
@@ -14,6 +15,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr const char* kStartKey = "start";
+constexpr const char* kStarts = "starts";
 
 std::vector<double> varied_of(const Study& study, const Shares& u) {
   std::vector<double> out;
@@ -27,7 +29,22 @@ std::string key_of(const std::vector<double>& varied) {
   return out;
 }
 
+/// One a line: evaluations, row, and whether it ended by itself.
+std::string note_of(const std::vector<Start>& starts) {
+  std::string out;
+  for (const Start& s : starts) out += fmt::format("{} {} {:d}\n", s.evaluations, s.row, s.by_itself);
+  return out;
+}
+
 }  // namespace
+
+Result<std::vector<Start>> kept_starts(const Store& store) {
+  POLYPOD_ASSIGN(note, store.note(kStarts));
+  std::istringstream lines(note);
+  std::vector<Start> out;
+  for (Start s; lines >> s.evaluations >> s.row >> s.by_itself;) out.push_back(s);
+  return out;
+}
 
 Ledger::Ledger(const Study& study, Store& store, const OptimizeOptions& options)
     : study_(study),
@@ -49,6 +66,8 @@ Status Ledger::begin() {
     if (counts(row) && !study_.wants_front()) told_ = std::max(told_, row.evaluation.objective.value);
   }
   POLYPOD_TRY(store_.set_complete(false));
+  POLYPOD_TRY(store_.set_note(kStarts, ""));
+  POLYPOD_TRY(store_.set_judged_again(0, {}));
   return start();
 }
 
@@ -215,14 +234,9 @@ Result<Outcome> Ledger::end() {
   out_.best = best_of(study_, out_.rows);
   out_.front = front_of(study_, out_.rows);
   out_.complete = !stopped_;
+  POLYPOD_TRY(store_.set_note(kStarts, note_of(out_.starts)));
   POLYPOD_TRY(store_.set_complete(out_.complete));
   return std::move(out_);
-}
-
-Shares Ledger::best_shares() const {
-  Shares out;
-  for (std::size_t i = 0; i < n(); ++i) out.push_back(study_.vary[i].share_of(out_.rows[*incumbent_].varied[i]));
-  return out;
 }
 
 std::vector<Member> Ledger::latin(std::size_t count, bool with_start) {

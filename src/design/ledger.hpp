@@ -41,15 +41,15 @@ class Ledger {
   [[nodiscard]] std::size_t n() const { return study_.vary.size(); }
   [[nodiscard]] const std::vector<Row>& rows() const { return out_.rows; }
   [[nodiscard]] const Evaluation& of(const Member& m) const { return out_.rows[m.row].evaluation; }
-  /// The best row of this search so far; nothing of a front.
-  [[nodiscard]] std::optional<std::size_t> best() const { return incumbent_; }
-  /// Where it stands in the ranges. Only where there is one.
-  [[nodiscard]] Shares best_shares() const;
   [[nodiscard]] std::int64_t left() const { return study_.evaluations - static_cast<std::int64_t>(out_.rows.size()); }
   [[nodiscard]] bool over() const { return stopped_ || left() <= 0; }
 
   /// One candidate in each of `count` slices of every range; the first is the start, as far as it has a place there.
   std::vector<Member> latin(std::size_t count, bool with_start);
+  /// Remembers how one of several starts ended. One that was broken off is not remembered.
+  void add_start(const Start& start) {
+    if (!stopped_) out_.starts.push_back(start);
+  }
   Random& random() { return random_; }
   /// 0 to n - 1.
   std::size_t below(std::size_t n);

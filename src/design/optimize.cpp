@@ -76,6 +76,60 @@ Result<Outcome> optimize(const Study& study, Store& store, const OptimizeOptions
   return ledger.end();
 }
 
+std::string in_words(const std::vector<Start>& starts, const std::vector<Row>& rows) {
+  std::string out;
+  for (const Start& s : starts) {
+    const auto row = std::find_if(rows.begin(), rows.end(), [&](const Row& r) { return r.row == s.row; });
+    if (row == rows.end()) continue;
+    const Evaluation& e = row->evaluation;
+    out += out.empty() ? "" : "; ";
+    if (e.state == State::done) {
+      out += fmt::format("{:.6g} (row {})", e.objective.value, s.row);
+    } else if (e.state == State::dropped) {
+      out += fmt::format("at most {:.6g} (row {}, proven worse)", e.objective.upper, s.row);
+    } else {
+      out += fmt::format("no candidate that keeps the holds (row {})", s.row);
+    }
+    if (!s.by_itself) out += fmt::format(" after its {} evaluations", s.evaluations);
+  }
+  return fmt::format("{} {} ended at {}", starts.size(), starts.size() == 1 ? "start" : "starts", out);
+}
+
+bool JudgedAgain::holds_kept() const {
+  return std::all_of(rows.begin(), rows.end(), [](const Row& row) { return row.evaluation.state == State::done; });
+}
+
+Result<std::optional<JudgedAgain>> judge_again(const Study& study, Store& store, const Outcome& outcome,
+                                               const EvaluateOptions& options,
+                                               const std::function<void(double)>& progress) {
+  std::vector<std::size_t> which;
+  if (outcome.best) {
+    which = {*outcome.best};
+  } else if (!study.holds.empty()) {
+    which = outcome.front;
+  }
+  if (which.empty() || !may_flatter(study)) return std::optional<JudgedAgain>{};
+  Study finer = study;
+  finer.resolution = std::min(kFinestResolution, 2 * study.resolution);
+  JudgedAgain out{finer.resolution, {}};
+  for (const std::size_t i : which) {
+    if (progress) progress(static_cast<double>(out.rows.size()) / static_cast<double>(which.size()));
+    Row row = outcome.rows[i];
+    POLYPOD_ASSIGN(evaluation, evaluate(finer, row.varied, {}, options));
+    row.evaluation = std::move(evaluation);
+    out.rows.push_back(std::move(row));
+  }
+  if (progress) progress(1);
+  POLYPOD_TRY(store.set_judged_again(out.resolution, out.rows));
+  return std::optional<JudgedAgain>(std::move(out));
+}
+
+Result<std::optional<JudgedAgain>> kept_again(const Store& store) {
+  POLYPOD_ASSIGN(kept, store.judged_again());
+  if (kept.second.empty()) return std::optional<JudgedAgain>{};
+  return std::optional<JudgedAgain>(JudgedAgain{kept.first, std::move(kept.second)});
+}
+
 bool start_is_candidate(const Study& study) {
   const std::vector<double> values = study.values_of(study.start);
   if (values.empty()) return false;
@@ -109,9 +163,12 @@ std::vector<std::size_t> front_of(const Study& study, const std::vector<Row>& ro
   std::vector<std::pair<std::vector<double>, std::size_t>> all;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (!counts(rows[i], start_counts)) continue;
-    Evaluation e = rows[i].evaluation;
-    for (Value& v : e.figures) v.lower = v.upper = v.value;
-    all.emplace_back(goals_of(study, e, true), i);
+    std::vector<double> goals;
+    for (std::size_t k = 0; k < study.goals.size(); ++k) {  // goals come first among the figures
+      const double value = rows[i].evaluation.figures[k].value;
+      goals.push_back(study.goals[k].maximise ? value : -value);
+    }
+    all.emplace_back(std::move(goals), i);
   }
   // Best first: what dominates a point stands before it.
   std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.first > b.first; });

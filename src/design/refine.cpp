@@ -35,12 +35,12 @@ double value(unsigned n, const double* u, double* /*gradient*/, void* data) {
 
 }  // namespace
 
-void subplex(const std::vector<double>& u0, double step, int most,
+bool subplex(const std::vector<double>& u0, double step, int most,
              const std::function<double(const std::vector<double>&)>& f, const std::function<bool()>& stop) {
   constexpr double kSmallest = 1e-4;
   const std::unique_ptr<nlopt_opt_s, void (*)(nlopt_opt)> opt(
       nlopt_create(NLOPT_LN_SBPLX, static_cast<unsigned>(u0.size())), nlopt_destroy);
-  if (!opt || most < 1) return;
+  if (!opt || most < 1) return false;
   Call call{f, stop, opt.get(), nullptr};
   nlopt_set_lower_bounds1(opt.get(), 0);
   nlopt_set_upper_bounds1(opt.get(), 1);
@@ -50,8 +50,9 @@ void subplex(const std::vector<double>& u0, double step, int most,
   nlopt_set_maxeval(opt.get(), most);
   std::vector<double> u = u0;
   double best = 0;
-  nlopt_optimize(opt.get(), u.data(), &best);
+  const nlopt_result ended = nlopt_optimize(opt.get(), u.data(), &best);
   if (call.thrown) std::rethrow_exception(call.thrown);
+  return ended == NLOPT_XTOL_REACHED;
 }
 
 }  // namespace polypod::design

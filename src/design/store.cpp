@@ -25,6 +25,7 @@ constexpr int kPatience_ms = 10'000;
 constexpr int kKindOfError = 0xff;  // of SQLite's extended codes
 constexpr const char* kLock = "lock";
 constexpr const char* kSamples = "sensitivity";
+constexpr const char* kAgain = "judged_again";
 
 /// An identifier of SQL in its quotes.
 std::string quoted(const std::string& name) {
@@ -203,6 +204,12 @@ struct Store::Impl {
 
   Status add(sqlite3_stmt* s, const Row& row) const;
   [[nodiscard]] Result<std::vector<Row>> rows_of(const char* table) const;
+  /// None of a table that is not there.
+  [[nodiscard]] Result<std::vector<Row>> rows_where_there(const char* table) const {
+    POLYPOD_ASSIGN(s, prepare(fmt::format("SELECT count(*) FROM sqlite_master WHERE name = '{}'", table)));
+    if (sqlite3_step(s.get()) != SQLITE_ROW || sqlite3_column_int(s.get(), 0) == 0) return std::vector<Row>();
+    return rows_of(table);
+  }
 
   Status create(const Study& of, const std::string& text, const std::string& version) const {
     const std::string columns = typed_columns(of);
@@ -416,9 +423,25 @@ Result<std::vector<Row>> Store::rows() const {
 }
 
 Result<std::vector<Row>> Store::samples() const {
-  POLYPOD_ASSIGN(s, impl_->prepare(fmt::format("SELECT count(*) FROM sqlite_master WHERE name = '{}'", kSamples)));
-  if (sqlite3_step(s.get()) != SQLITE_ROW || sqlite3_column_int(s.get(), 0) == 0) return std::vector<Row>();
-  return impl_->rows_of(kSamples);
+  return impl_->rows_where_there(kSamples);
+}
+
+Status Store::set_judged_again(int resolution, const std::vector<Row>& rows) {
+  POLYPOD_TRY(impl_->run("BEGIN IMMEDIATE"));
+  POLYPOD_TRY(impl_->run(fmt::format("DROP TABLE IF EXISTS {}", kAgain)));
+  if (!rows.empty()) {
+    POLYPOD_TRY(impl_->run(fmt::format("CREATE TABLE {} ({})", kAgain, Impl::typed_columns(impl_->study))));
+    POLYPOD_ASSIGN(insert, impl_->prepare_insert(kAgain));
+    for (const Row& row : rows) POLYPOD_TRY(impl_->add(insert.get(), row));
+  }
+  POLYPOD_TRY(impl_->set_meta(kAgain, fmt::format("{}", resolution)));
+  return impl_->run("COMMIT");
+}
+
+Result<std::pair<int, std::vector<Row>>> Store::judged_again() const {
+  POLYPOD_ASSIGN(resolution, impl_->meta(kAgain));
+  POLYPOD_ASSIGN(rows, impl_->rows_where_there(kAgain));
+  return std::pair(std::atoi(resolution.c_str()), std::move(rows));
 }
 
 Result<std::string> Store::note(const std::string& key) const {
@@ -434,6 +457,10 @@ Result<std::vector<Row>> Store::Impl::rows_of(const char* table) const {
   for (const std::string& c : columns_of(study)) names += (names.empty() ? "" : ", ") + quoted(c);
   POLYPOD_ASSIGN(s, prepare(fmt::format("SELECT {} FROM {} ORDER BY row", names, table)));
   std::vector<Row> out;
+  {
+    POLYPOD_ASSIGN(count, prepare(fmt::format("SELECT count(*) FROM {}", table)));
+    if (sqlite3_step(count.get()) == SQLITE_ROW) out.reserve(static_cast<std::size_t>(sqlite3_column_int64(count.get(), 0)));
+  }
   const std::size_t varied = study.vary.size(), figures = study.figures().size();
   int code = 0;
   while ((code = sqlite3_step(s.get())) == SQLITE_ROW) {
@@ -462,6 +489,8 @@ Result<std::vector<Row>> Store::Impl::rows_of(const char* table) const {
     ++at;  // the seed is that of the study
     row.version = text();
     row.at = text();
+    row.varied.reserve(varied);
+    e.figures.reserve(figures);
     for (std::size_t i = 0; i < varied; ++i) row.varied.push_back(number(kNone));
     for (std::size_t i = 0; i < figures; ++i) {
       Value v;

@@ -126,6 +126,7 @@ class Page {
       report_.add_verdict(
           Verdict::neutral,
           fmt::format("{} machines are left of which none is better than another in every goal.", front_.size()));
+      judged_again();
       front_table();
       return;
     }
@@ -137,6 +138,7 @@ class Page {
             "The best machine that was found is row {}, with an objective of {}{}.", best_->row,
             number(f.value, kDigits),
             compared ? fmt::format(" ({} of the start)", number(start_->evaluation.objective.value, kDigits)) : ""));
+    judged_again();
     report_.add_text(
         "A search finds good machines and proves nothing about those it did not try: no claim is made that none is "
         "better. Volumes lie between proven bounds. Means are those over the points of the workspace at the study's "
@@ -147,6 +149,38 @@ class Page {
     }
     report_.add_key_figures(figures);
     compare();
+  }
+
+  /// What a finer survey says of the best machine or of the points of the front.
+  void judged_again() {
+    if (!page_.again) {
+      if (!study_.holds.empty() && design::may_flatter(study_)) {
+        report_.add_text("The holds are kept as the search judged them; its answer was not judged on a finer grid.");
+      }
+      return;
+    }
+    const std::vector<Row>& rows = page_.again->rows;
+    const auto broken = std::count_if(rows.begin(), rows.end(),
+                                      [](const Row& row) { return row.evaluation.state != State::done; });
+    if (broken > 0) {
+      const auto first = std::find_if(rows.begin(), rows.end(),
+                                      [](const Row& row) { return row.evaluation.state != State::done; });
+      report_.add_verdict(Verdict::bad,
+                          fmt::format("Judged again with resolution {} instead of {}, {} of {} break a hold; row {}: {}. "
+                                      "Search with a higher resolution.",
+                                      page_.again->resolution, study_.resolution, broken, rows.size(), first->row,
+                                      first->evaluation.reason));
+      return;
+    }
+    std::string values;
+    const std::vector<Figure> figures = study_.figures();
+    for (std::size_t i = 0; rows.size() == 1 && i < figures.size(); ++i) {
+      if (!study_.surveys(figures[i])) continue;
+      values += fmt::format("{}{} {}", values.empty() ? ": " : ", ", design::info_of(figures[i]).name,
+                            number(rows[0].evaluation.figures[i].value, kDigits));
+    }
+    report_.add_text(fmt::format("Judged again with resolution {} instead of {}{}.{}", page_.again->resolution,
+                                 study_.resolution, values, study_.holds.empty() ? "" : " All holds are kept."));
   }
 
   void why_none() {
@@ -310,6 +344,11 @@ class Page {
       t.rows.push_back({std::string(design::name_of(state)), static_cast<double>(count), std::string(meaning)});
     }
     report_.add_table(t);
+    if (!page_.starts.empty()) {
+      report_.add_text("The search for one machine begins several times, each time with a sample of its own over all ranges: " +
+                       design::in_words(page_.starts, page_.rows) +
+                       ". Starts that end at different objectives say that there are several local optima.");
+    }
     if (study_.wants_front()) return;
     report::LinePlot plot;
     plot.title = "The objective of each candidate in the order of the search";
@@ -351,6 +390,11 @@ class Page {
                                        : " Machines that were dropped for their objective are not among them, so the "
                                          "front of all may hold more."));
       if (best_ != nullptr) front_table();
+    }
+    if (const auto volume = design::front_volume(study_, page_.rows, front_, page_.reference);
+        volume && study_.wants_front()) {
+      report_.add_text("How much the front dominates: " + design::in_words(study_, *volume) +
+                       ". Fronts compare by their hypervolume where the reference point is the same.");
     }
     if (const auto figure = parallel_figure(page_)) {
       report_.add_figure(*figure,

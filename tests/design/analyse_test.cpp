@@ -134,7 +134,7 @@ TEST(Conditions, AreReadAndMet) {
                                                                            {"row<7", false}}) {
     const auto c = condition_of(s, text);
     ASSERT_TRUE(c) << text << ": " << to_string(c.error());
-    EXPECT_EQ(meets(s, row, *c), met) << text;
+    EXPECT_EQ(test_of(s, *c)(row), met) << text;
   }
   for (const char* text : {"volume_mm3", ">3", "volume_mm3>", "volume_mm3>x", "volume_mm3>=1e999", "volume>3"}) {
     const auto c = condition_of(s, text);
@@ -148,7 +148,7 @@ TEST(RowsCsv, HasAColumnForEverythingAndQuotesReasons) {
   const Study s = three_goals();
   Row row = row_with(1, {12.5, 3}, {100, 2, 0.5});
   row.evaluation.reason = "a, \"b\"";
-  const std::string csv = rows_csv(s, {row});
+  const std::string csv = rows_csv(s, {row_with(2, {1, 1}, {1, 1, 1}), row}, {1});
   EXPECT_EQ(
       csv.substr(0, csv.find('\n')),
       "row,state,phase,objective,objective_lower,objective_upper,violation,base.radius_mm,tool.length_mm,volume_mm3,"

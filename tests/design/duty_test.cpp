@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "polypod/core/random.hpp"
-#include "polypod/design/evaluate.hpp"
+#include "polypod/design/optimize.hpp"
 #include "studies.hpp"
 
 namespace polypod::design {
@@ -54,22 +54,50 @@ TEST(Duty, AFinerSurveyJudgesAgain) {
             kStrut);
   ASSERT_TRUE(s) << to_string(s.error());
   const Evaluation coarse = evaluated(*s, 50);
-  const auto again = judge_again(*s, {50}, {});
+  const Folder folder;
+  auto store = Store::open(folder / "a", *s, "", "1.0");
+  ASSERT_TRUE(store) << to_string(store.error());
+  Outcome found;
+  for (const double r1 : {50.0, 44.0}) {
+    Row row;
+    row.row = static_cast<std::int64_t>(found.rows.size()) + 7;
+    row.varied = {r1};
+    row.evaluation = evaluated(*s, r1);
+    found.rows.push_back(std::move(row));
+  }
+  found.front = {0, 1};
+  const auto again = judge_again(*s, *store, found, {});
   ASSERT_TRUE(again && *again);
   EXPECT_EQ((*again)->resolution, 16);
-  EXPECT_EQ((*again)->evaluation.state, State::done);
-  EXPECT_NE((*again)->evaluation.figures[0].value, coarse.figures[0].value);
+  ASSERT_EQ((*again)->rows.size(), 2U);
+  EXPECT_EQ((*again)->rows[1].row, 8);
+  EXPECT_TRUE((*again)->holds_kept());
+  const double finer = (*again)->rows[0].evaluation.figures[0].value;
+  EXPECT_NE(finer, coarse.figures[0].value);
+  // The store keeps it until another search begins.
+  const auto kept_now = kept_again(*store);
+  ASSERT_TRUE(kept_now && *kept_now);
+  EXPECT_EQ((*kept_now)->resolution, 16);
+  EXPECT_EQ((*kept_now)->rows[1].evaluation.figures[0].value, (*again)->rows[1].evaluation.figures[0].value);
+  ASSERT_TRUE(store->set_judged_again(0, {}));
+  EXPECT_FALSE(*kept_again(*store));
   s->resolution = 16;
-  EXPECT_EQ(evaluated(*s, 50).figures[0].value, (*again)->evaluation.figures[0].value);
+  EXPECT_EQ(evaluated(*s, 50).figures[0].value, finer);
+  EXPECT_EQ(evaluated(*s, 44).figures[0].value, (*again)->rows[1].evaluation.figures[0].value);
   // A hold between the two: kept by the one, broken by the other.
   s->resolution = 8;
-  s->holds[0].max = 0.5 * (coarse.figures[0].value + (*again)->evaluation.figures[0].value);
+  s->holds[0].max = 0.5 * (coarse.figures[0].value + finer);
   const bool kept = evaluated(*s, 50).state == State::done;
-  EXPECT_NE((*judge_again(*s, {50}, {}))->evaluation.state == State::done, kept);
+  found.best = 0;
+  const auto best = judge_again(*s, *store, found, {});
+  ASSERT_TRUE(best && *best);
+  EXPECT_EQ((*best)->rows.size(), 1U);
+  EXPECT_NE((*best)->holds_kept(), kept);
+  EXPECT_FALSE(*judge_again(*s, *store, {}, {}));
   // Nothing of a survey: nothing to judge again.
   const auto still = study(at_home(44) + kRadius + goal("longest_leg_mm", "min"), kStrut);
   ASSERT_TRUE(still);
-  EXPECT_FALSE(*judge_again(*still, {44}, {}));
+  EXPECT_FALSE(*judge_again(*still, *store, found, {}));
 }
 
 /// Six equal struts under a force along the axis of symmetry: each carries F / (6 cos g), cos g = h / 70, and the tip

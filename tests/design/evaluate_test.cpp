@@ -106,13 +106,30 @@ TEST(Evaluate, HoldsAreKeptOrTheirBreachIsMeasured) {
   EXPECT_NE(e.reason.find("volume_mm3 at least"), std::string::npos) << e.reason;
   EXPECT_EQ(evaluated(study_on_strut(kRadius + wanted + "[[hold]]\nfigure = \"volume_mm3\"\nmin = 1e5\n"), {50}).state,
             State::done);
-  // Coarse bounds that hold the limit between them decide nothing: the fine volume does.
+  // Coarse bounds that hold the limit between them decide nothing: those of the fine volume do, and where the limit lies
+  // between these as well it is not proven to be kept.
   const Study plain = study_on_strut(kRadius + goal("volume_mm3", "sense = \"max\""));
-  const double fine = evaluated(plain, {50}).figures[0].value;
-  for (const double share : {0.97, 0.999, 1.001, 1.03}) {
-    const Study near =
-        study_on_strut(kRadius + wanted + fmt::format("[[hold]]\nfigure = \"volume_mm3\"\nmin = {}\n", share * fine));
-    EXPECT_EQ(evaluated(near, {50}).state, share < 1 ? State::done : State::violates) << share;
+  const Value fine = evaluated(plain, {50}).figures[0];
+  ASSERT_LT(fine.lower, fine.upper);
+  const auto judged = [&](const char* bound, double limit) {
+    return evaluated(study_on_strut(kRadius + wanted +
+                                    fmt::format("[[hold]]\nfigure = \"volume_mm3\"\n{} = {:.17g}\n", bound, limit)),
+                     {50});
+  };
+  const double low = 0.5 * (fine.lower + fine.value), high = 0.5 * (fine.value + fine.upper);
+  for (const auto& [bound, limit, why] : {std::tuple{"min", fine.lower * (1 - 1e-6), ""},
+                                          {"min", low, "not proven: volume_mm3 at least"},
+                                          {"min", high, "not proven: volume_mm3 at least"},
+                                          {"min", fine.upper * (1 + 1e-6), "not kept: volume_mm3 at least"},
+                                          {"max", fine.upper * (1 + 1e-6), ""},
+                                          {"max", high, "not proven: volume_mm3 at most"},
+                                          {"max", low, "not proven: volume_mm3 at most"},
+                                          {"max", fine.lower * (1 - 1e-6), "not kept: volume_mm3 at most"}}) {
+    const Evaluation at = judged(bound, limit);
+    const bool kept = *why == '\0';
+    EXPECT_EQ(at.state, kept ? State::done : State::violates) << bound << " " << limit << ": " << at.reason;
+    EXPECT_EQ(at.violation == 0, kept) << bound << " " << limit;
+    EXPECT_TRUE(at.reason.starts_with(why)) << at.reason;
   }
   // A box that `workspace --contains` proves, one that reaches out of it, and one far away.
   const auto box = [&](const std::string& corners) {

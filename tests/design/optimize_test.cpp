@@ -126,6 +126,62 @@ TEST(Optimize, AnotherBudgetDoesNotForgetTheBestOfTheStore) {
   EXPECT_EQ(again.better, 0);  // what it found itself is worse
 }
 
+/// Two hills over five parameters: a broad one of 0.65 inside, and a steeper one of 0.7 in a corner.
+double hills(const std::vector<double>& u) {
+  double inside = 0.65, corner = 0.7;
+  for (const double x : u) {
+    inside -= 0.25 * (x - 0.7) * (x - 0.7);
+    corner -= 0.25 * x;
+  }
+  return std::max({inside, corner, 1e-3});
+}
+
+Study five_parameters(int evaluations, int seed) {
+  std::string text = fmt::format("evaluations = {}\nseed = {}\n", evaluations, seed);
+  for (const char* key : {"base.radius_mm", "platform.radius_mm", "platform.pair_angle_deg", "tool.length_mm",
+                          "base.pair_angle_deg"})
+    text += fmt::format("[[vary]]\nkey = \"{}\"\nmin = 5\nmax = 60\n", key);
+  return study_on_strut(text + "[[goal]]\nfigure = \"height_mm\"\nsense = \"min\"\n");
+}
+
+TEST(Optimize, SeveralStartsSayHowTheyEnded) {
+  const Folder folder;
+  int on_top = 0;
+  for (int seed = 1; seed <= 10; ++seed) {
+    const Study s = five_parameters(200, seed);
+    const std::string at = folder / std::to_string(seed);
+    const auto search = [&](int most) {
+      auto store = Store::open(at, s, "", "1.0");
+      EXPECT_TRUE(store) << to_string(store.error());
+      KnownCrew crew(s, [](const std::vector<double>& u) { return std::vector<double>{1 / hills(u)}; }, most);
+      OptimizeOptions options;
+      options.crew = &crew;
+      auto o = optimize(s, *store, options);
+      EXPECT_TRUE(o) << to_string(o.error());
+      EXPECT_EQ(kept_starts(*store)->size(), o->starts.size());
+      return std::move(*o);
+    };
+    // Broken off in the second start: the rows that are there are taken, and nothing is said of starts.
+    const Outcome part = search(90);
+    EXPECT_EQ(part.computed, 90);
+    const Outcome o = search(-1);
+    EXPECT_EQ(o.computed, 110);
+    EXPECT_GE(o.starts.size(), 2U);
+    int asked = 0;
+    for (const Start& start : o.starts) {
+      asked += start.evaluations;
+      EXPECT_TRUE(std::any_of(o.rows.begin(), o.rows.end(), [&](const Row& row) { return row.row == start.row; }));
+    }
+    EXPECT_LE(asked, 200);
+    ASSERT_TRUE(o.best);
+    EXPECT_GT(o.rows[*o.best].evaluation.objective.value, 0.64);
+    on_top += o.rows[*o.best].evaluation.objective.value > 0.69 ? 1 : 0;
+    const std::string words = in_words(o.starts, o.rows);
+    EXPECT_TRUE(words.starts_with(fmt::format("{} starts ended at 0.6", o.starts.size()))) << words;
+  }
+  EXPECT_GE(on_top, 9);
+}
+
 /// Footprint and height of the strut hexapod of studies.hpp with these radii, in mm2 and mm.
 std::array<double, 2> size_of_strut(double r1, double r2) {
   const double c15 = std::cos(15 * kRad), c45 = std::cos(45 * kRad);

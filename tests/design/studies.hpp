@@ -5,10 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <functional>
 #include <random>
 #include <string>
 
-#include "polypod/design/study.hpp"
+#include "polypod/design/crew.hpp"
 
 namespace polypod::design {
 
@@ -48,6 +49,38 @@ inline Study study_on_strut(const std::string& text) {
   EXPECT_TRUE(study) << to_string(study.error());
   return study.value_or(Study{});
 }
+
+/// Candidates that are worth what a function of their shares of the ranges says, in the order of Study::figures(), with
+/// an objective where the study has one.
+class KnownCrew final : public Crew {
+ public:
+  using Function = std::function<std::vector<double>(const std::vector<double>&)>;
+  KnownCrew(const Study& study, Function f, int most = -1) : study_(study), f_(std::move(f)), left_(most) {}
+
+  Result<bool> work(const std::vector<Row>& rows, const Incumbents& /*incumbents*/, const Taken& taken) override {
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      if (left_-- == 0) return false;
+      std::vector<double> u;
+      for (std::size_t k = 0; k < study_.vary.size(); ++k) u.push_back(study_.vary[k].share_of(rows[i].varied[k]));
+      Evaluation e;
+      e.state = State::done;
+      e.violation = 0;
+      for (const double x : f_(u)) {
+        Value v;
+        v.value = v.lower = v.upper = x;
+        e.figures.push_back(v);
+      }
+      e.objective = objective_of(study_, e.figures);
+      POLYPOD_TRY(taken(i, std::move(e)));
+    }
+    return true;
+  }
+
+ private:
+  const Study& study_;
+  Function f_;
+  int left_;  // evaluations until it is cancelled; negative: it is not
+};
 
 /// The least rectangle round the machine that is at least 2500 mm2, figures that take no workspace.
 inline constexpr const char* kQuick = R"(

@@ -2,7 +2,9 @@
 // What the evaluations of a study say of its parameters.
 #pragma once
 
+#include <functional>
 #include <limits>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -35,23 +37,41 @@ struct Condition {
 };
 /// "volume_mm3>=20000". Errors: OP120 (no condition, or a name that the study does not have).
 Result<Condition> condition_of(const Study& study, const std::string& text);
-/// False where the row does not have the number.
-bool meets(const Study& study, const Row& row, const Condition& condition);
+/// Whether a row meets the condition; not where it does not have the number. The study must outlive the test.
+std::function<bool(const Row&)> test_of(const Study& study, const Condition& condition);
 
 /// How the rows stand to one hold of the study.
 struct HoldSummary {
   std::string hold;  ///< in words
   int judged = 0;    ///< rows whose figure is known (of a box: that came as far as the box)
-  int broken = 0;    ///< of them
-  double nearest = std::numeric_limits<double>::quiet_NaN();  ///< the figure that breaks it least, where all break it
+  int broken = 0;    ///< of them; of a volume also where the hold is not proven to be kept
+  /// The figure that breaks it least, of a volume the bound that does.
+  double nearest = std::numeric_limits<double>::quiet_NaN();
 };
 /// In the order of the study, then the poses and the motion of the study where any row breaks them. The start counts
 /// where it is a candidate.
 std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Row>& rows);
 /// The volume of all that is dominated by these points and dominates the corner, where more is better in every goal
-/// (goals_of); points that are not above the corner in every goal count nothing. Exact, by slices. Cost: n log n for
-/// two goals, n^2 log n for three, n more for each further one.
+/// (goals_of); points that are not above the corner in every goal count nothing. Exact, by a staircase that points are
+/// added to, and by slices along each further goal (Beume et al. 2009 for three). Cost: n log n for two and three goals,
+/// n more for each further one.
 double hypervolume(std::vector<std::vector<double>> points, const std::vector<double>& corner);
+
+/// How much of the space of the goals a front dominates: the hypervolume indicator (Zitzler and Thiele 1998), exact for
+/// these points. Larger is better; two fronts compare by `volume` where their reference points are the same.
+struct FrontVolume {
+  double volume = 0;              ///< between the front and the reference point, in the units of the figures
+  double share = 0;               ///< of the box between `best` and the reference point; 0 where that is empty
+  std::vector<double> reference;  ///< a figure a goal, worse than the front
+  std::vector<double> best;       ///< the best figure of each goal on the front
+};
+/// `reference`: the figures to compare with, one a goal; NaN or left out: the worst of the front and a tenth of its span
+/// beyond. Nothing without a front, and of a study with one goal.
+std::optional<FrontVolume> front_volume(const Study& study, const std::vector<Row>& rows,
+                                        const std::vector<std::size_t>& front,
+                                        const std::vector<double>& reference = {});
+/// In one line, with the reference point.
+std::string in_words(const Study& study, const FrontVolume& volume);
 /// Why rows were refused, and how many for each reason, the most frequent first.
 std::vector<std::pair<std::string, int>> refusals(const std::vector<Row>& rows);
 
@@ -63,9 +83,9 @@ std::vector<std::string> binding(const Study& study, const Row& row);
 /// file says.
 std::vector<std::pair<std::string, double>> parameters_of(const Study& study, const Row& row);
 
-/// A table of all these rows: row, state, phase, objective with its bounds, violation, the parameters, the figures with
+/// A table of these rows, as indices of `rows`: row, state, phase, objective with its bounds, violation, the parameters, the figures with
 /// the bounds of volumes, seconds, version, at, reason.
-std::string rows_csv(const Study& study, const std::vector<Row>& rows);
+std::string rows_csv(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which);
 
 /// The machine of a row, with its provenance. Errors: OP121 (the row has no machine).
 Result<AnyMachine> machine_of_row(const Study& study, const Row& row);

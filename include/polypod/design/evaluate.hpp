@@ -20,8 +20,8 @@ struct Value {
 };
 
 enum class State : std::uint8_t {
-  done,      ///< every figure is as exact as the study asks, and all holds are kept
-  violates,  ///< a hold is broken; figures that cost more may be missing
+  done,      ///< every figure is as exact as the study asks, and all holds are kept (of a volume: proven)
+  violates,  ///< a hold is broken, or not proven to be kept; figures that cost more may be missing
   dropped,   ///< what is known proves that it is worse than what was found before; its volume is coarse
   refused,   ///< no machine, or nothing to judge it by; `reason` says why
 };
@@ -73,16 +73,7 @@ Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varie
 /// flattering.
 bool may_flatter(const Study& study);
 
-/// A candidate judged again over a survey with twice as many points a side (512 at most): a search finds machines that
-/// the points of its own survey flatter. None where no figure or hold is of a survey, and of cells.
-struct JudgedAgain {
-  int resolution = 0;
-  Evaluation evaluation;
-};
-Result<std::optional<JudgedAgain>> judge_again(const Study& study, const std::vector<double>& varied,
-                                               const EvaluateOptions& options);
-
-/// The same for the machine as it is in its file, whole.
+/// evaluate() for the machine as it is in its file, whole.
 Result<Evaluation> evaluate_machine(const Study& study, const AnyMachine& machine, const Incumbents& incumbents,
                                     const EvaluateOptions& options);
 

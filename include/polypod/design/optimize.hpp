@@ -31,6 +31,14 @@ struct OptimizeOptions {
   std::function<Status(const Row&)> better;
 };
 
+/// How one start of the search for one machine ended: a sample over all ranges, evolution, and what is nearest to its
+/// best.
+struct Start {
+  int evaluations = 0;     ///< that it asked first; what an earlier one had asked costs none
+  std::int64_t row = 0;    ///< Row::row of the best that it met, which an earlier start may have met first
+  bool by_itself = false;  ///< its steps fell below 1e-4 of the ranges; false: its share of the evaluations was used up
+};
+
 struct Outcome {
   /// Those of this search in its order; behind them what the store has besides, of a search with another budget.
   std::vector<Row> rows;
@@ -39,14 +47,17 @@ struct Outcome {
   std::vector<std::size_t> front;   ///< of all rows
   std::int64_t computed = 0;        ///< by this run; the others were in the store
   bool complete = false;            ///< the search ended by itself
+  std::vector<Start> starts;        ///< of the search for one machine, in their order
 };
 
 /// Looks for the machine with the largest objective that keeps all holds, or for the front of the goals.
 ///
 /// One objective: a Latin hypercube, then differential evolution (current-to-pbest/1 with success-history adaptation
 /// and a shrinking population: Tanabe and Fukunaga 2014), a parameter beyond its range set to its end. Then from the
-/// best: neighbouring steps, the ends of each range, and the subplex method (Rowan 1990, of NLopt). All that is
-/// repeated with new samples while evaluations are left. A candidate that keeps all holds is better than one that does
+/// best: neighbouring steps, the ends of each range, and the subplex method (Rowan 1990, of NLopt). That is one start;
+/// up to five of them, each with a sample of its own, share four fifths of the evaluations, and the best goes on with
+/// the rest (12 evaluations a start for each parameter and one more are the least). What is left then goes to further
+/// starts. A candidate that keeps all holds is better than one that does
 /// not, of two that do not the one that breaks them less (Deb 2000). Where all parameters have steps or lists and all
 /// combinations fit into the evaluations, all are tried instead. A front: NSGA-II (Deb 2002). The first member of the
 /// first sample is the start, moved into the ranges.
@@ -56,6 +67,28 @@ struct Outcome {
 /// rows. A run that was broken off is repeated from the rows of the store, which are taken as they are, until the first
 /// that is not there. Errors: those of the store; WS110 is none: the outcome is not complete then.
 Result<Outcome> optimize(const Study& study, Store& store, const OptimizeOptions& options);
+
+/// The starts of the last search that the store has; none where it was broken off. Errors: those of the store.
+Result<std::vector<Start>> kept_starts(const Store& store);
+/// How the starts ended, in one line. The rows must hold theirs.
+std::string in_words(const std::vector<Start>& starts, const std::vector<Row>& rows);
+
+/// Rows judged again over a survey with twice as many points a side (512 at most): a search finds machines that the
+/// points of its own survey flatter.
+struct JudgedAgain {
+  int resolution = 0;
+  std::vector<Row> rows;  ///< with their numbers in the study and what the finer survey says of them
+  /// Whether each of them keeps all holds.
+  [[nodiscard]] bool holds_kept() const;
+};
+/// The answer of a search judged again, and kept in the store: the best; without one the points of the front where the
+/// study has holds that they may break. None where no figure or hold is of a survey, and of cells. `progress` gets the
+/// share that is done. Errors: WS110 (cancelled), those of the store.
+Result<std::optional<JudgedAgain>> judge_again(const Study& study, Store& store, const Outcome& outcome,
+                                               const EvaluateOptions& options,
+                                               const std::function<void(double)>& progress = {});
+/// What the store has of it; none since a search went on. Errors: those of the store.
+Result<std::optional<JudgedAgain>> kept_again(const Store& store);
 
 /// Whether the machine of the study is one of its candidates: within the ranges, with all ties.
 bool start_is_candidate(const Study& study);

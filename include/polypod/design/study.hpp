@@ -50,6 +50,7 @@ enum class Figure : std::uint8_t {
   cycle_time,         ///< cycle_time_s: of the study's motion in the least time
 };
 inline constexpr int kFigures = 25;
+inline constexpr int kFinestResolution = 512;  ///< points along the longest side of a workspace
 
 /// What a figure is called, what it means, and what it takes.
 struct FigureInfo {

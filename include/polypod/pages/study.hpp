@@ -2,10 +2,12 @@
 // Pictures and the page of a parameter study.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "polypod/design/analyse.hpp"
+#include "polypod/design/optimize.hpp"
 #include "polypod/design/sensitivity.hpp"
 #include "polypod/report/plot.hpp"
 
@@ -20,6 +22,9 @@ struct StudyPage {
   bool complete = false;
   std::string version;  ///< of Polypod
   std::string command;  ///< how the page was made
+  std::vector<design::Start> starts;  ///< of the search (design::kept_starts)
+  std::vector<double> reference;      ///< of the hypervolume of the front, as design::front_volume takes it
+  std::optional<design::JudgedAgain> again;  ///< the answer over a finer survey (design::kept_again)
 };
 
 /// The first two goals of all rows that have both, those of the front, and the start. Errors: QP110 (fewer than two
