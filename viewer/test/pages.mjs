@@ -452,7 +452,7 @@ async function whatIsServed() {
   await served('view: a VTP file', `${address}2`, async (page) => {
     check('view: a VTP file', (await page.locator('.legend').innerText()).includes('limit '), 'it has no legend of its limits');
   });
-  await served('view: a program', `${address}3`, async (page) => {
+  await served('view: a program', `${address}4`, async (page) => {
     const row = page.locator('tr.picks').nth(2);
     await page.locator('figure.scene').first().scrollIntoViewIfNeeded();
     check('view: a program', await turned(page, () => row.evaluate((e) => e.click())), 'a line that is picked does not show in the path');
