@@ -1,3 +1,3 @@
 set(page_sha256 zRUpxcWODcFmxyHefPkvXkGRGx9kfGD9MBhmob5K2rM=)
-set(live_sha256 Zj47aLmNA7VarPT/qZtRN1a3SY+2DKC/S8O9eK3QcMI=)
+set(live_sha256 oEMmrPVtuauSWb8vlS2rzRY1kiYpgzBLN8EUPAasdao=)
 set(viewer_sha256 iccl1oFGcHXGsXvmGHeBPEJoBrx0Tz25NBJiAzI2ftI=)

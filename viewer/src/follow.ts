@@ -178,7 +178,8 @@ export function follow(root: HTMLElement, data: FollowData): void {
       if (!paused && !document.hidden) {
         try {
           const done = await fetch(`${data.address}/rows`, { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(next) });
-          apply((await done.json()) as News);
+          const news = (await done.json()) as News;
+          if (!paused) apply(news); // what came after the click is asked for again
         } catch (error) {
           say(`The program does not answer any more: ${String(error)}`, true);
           await wait(1000);
