@@ -204,21 +204,23 @@ std::string program_page(const gcode::Understood& u, const std::string& version)
         {fixed(to_mm(f.rapid_length), 1), "mm", fmt::format("length of {} rapids", count(f.rapids))}};
     if (f.largest_feed > 0) {
       figures.push_back({fixed(f.feed_time, 1), "s", "feed moves at their programmed feeds, without acceleration"});
-      const std::string low = fixed(to_mm_per_min(f.least_feed), 0), high = fixed(to_mm_per_min(f.largest_feed), 0);
-      figures.push_back({low == high ? low : low + " to " + high, kFeed, "programmed feed"});
+      figures.push_back({fixed(to_mm_per_min(f.largest_feed), 0), kFeed,
+                         f.least_feed == f.largest_feed ? std::string("programmed feed")
+                                                        : fmt::format("largest programmed feed; the least is {}",
+                                                                      fixed(to_mm_per_min(f.least_feed), 0))});
     }
     page.add_key_figures(figures);
-    const auto box = [](const char* name, const Vec3& low, const Vec3& high) {
-      std::string text;
+    report::Table box;
+    box.columns = {{"box in W", ""}, {"x", "mm"}, {"y", "mm"}, {"z", "mm"}};
+    const auto add = [&](const char* name, const Vec3& low, const Vec3& high) {
+      std::vector<report::Cell> row{std::string(name)};
       for (int k = 0; k < 3; ++k)
-        text += fmt::format("{}{} {} to {}", k > 0 ? ", " : "", "xyz"[k], fixed(to_mm(low[k]), 3),
-                            fixed(to_mm(high[k]), 3));
-      return std::pair<std::string, std::string>(name, text + " mm");
+        row.emplace_back(fmt::format("{} to {}", fixed(to_mm(low[k]), 3), fixed(to_mm(high[k]), 3)));
+      box.rows.push_back(std::move(row));
     };
-    std::vector<std::pair<std::string, std::string>> entries;
-    if (f.feeds > 0) entries.push_back(box("box of the feed moves, in W", f.low, f.high));
-    entries.push_back(box("box with the rapids, in W", f.low_all, f.high_all));
-    page.add_definitions(entries);
+    if (f.feeds > 0) add("feed moves", f.low, f.high);
+    add("with the rapids", f.low_all, f.high_all);
+    page.add_table(box);
   }
   std::vector<std::string> notes = u.interpretation.notes;
   const double dwells = gcode::dwell_time(u.program, false);

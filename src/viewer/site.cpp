@@ -277,7 +277,7 @@ Result<std::string> record_news(const std::string& path, const AnyMachine& m, co
   }
   constexpr std::size_t kMostPoints = 400;  // forward kinematics of an answer
   const std::size_t stride = (news.rows.size() + kMostPoints - 1) / kMostPoints;
-  report::Line3 trail{"path of the tip", {}, report::Colour::blue};
+  report::Line3 trail{"path of the tip", {}, report::Colour::green};
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   for (std::size_t k = (news.rows.size() - 1) % stride; k < news.rows.size(); k += stride) {
     const auto found = kinematics::forward(m, news.rows[k].joints);
@@ -485,7 +485,7 @@ Response Site::live_page(std::size_t number) const {
   report::Report page(name_of(item.path), "The record as it grows", facts);
   page.add_section("The machine at the newest row");
   report::Scene scene = pages::machine_scene(*m, at);
-  scene.lines.push_back({"path of the tip", {}, report::Colour::blue, 2.4});
+  scene.lines.push_back({"path of the tip", {}, report::Colour::green, 2.4});
   page.add_scene(
       scene, fmt::format("{}The machine by the joints of the newest row, red where it breaks a limit, and the path of "
                          "its tip. Until the first row comes it is drawn at its start.",

@@ -365,6 +365,8 @@ Result<std::string> surface_page(const std::string& path, const std::string& ver
   if (!s.value.empty())
     caption += fmt::format(" Coloured by {}, the first scalar at the points of the file, from {} to {}.", s.value_name,
                            value_text(values.low), value_text(values.high));
+  constexpr std::size_t kColours = 8;
+  if (values.whole.size() > kColours) caption += " Colours come again after eight; the pointer names the value.";
   page.add_scene(drawn, caption, &turns);
   page.add_section("What this page does not answer");
   page.add_list({"Whether the surface is that of the part: nothing is compared.",

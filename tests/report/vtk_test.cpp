@@ -171,7 +171,7 @@ TEST(Vtk, PolyDataIsReadInEachOfItsForms) {
   };
   const std::vector<float> points{0, 0, 0, 2, 0, 0, 2, 3, 0, 0, 3, 0}, height{1, 2, 3, 4};
   const std::vector<std::int32_t> corners{0, 1, 2, 3}, ends{4};
-  for (const std::string& form : {"ascii", "binary", "appended", "raw"}) {
+  for (const std::string form : {"ascii", "binary", "appended", "raw"}) {
     SCOPED_TRACE(form);
     std::string appended;
     const auto array = [&](const char* type, const char* name, int components, const auto& values, const char* text) {

@@ -112,7 +112,7 @@ export function follow(root: HTMLElement, data: FollowData): void {
     const added = scene.lines.find((l) => l.layer === kTrail);
     if (added) for (const x of floats(added.points as string)) trail.push(x);
     if (trail.length > 3 * kMost) trail = trail.filter((_, i) => Math.floor(i / 3) % 2 === 0);
-    const all: LineData = { name: kTrail, layer: kTrail, colour: 'blue', stroke: 2.4, dots: false, moves: false, points: Float32Array.from(trail) };
+    const all: LineData = { name: kTrail, layer: kTrail, colour: 'green', stroke: 2.4, dots: false, moves: false, points: Float32Array.from(trail) };
     const shown = picture();
     if (!shown) return;
     shown.setLines([...(lines.length > 0 ? lines : machine), ...(trail.length > 3 ? [all] : [])]);
@@ -178,7 +178,8 @@ export function follow(root: HTMLElement, data: FollowData): void {
       if (!paused && !document.hidden) {
         try {
           const done = await fetch(`${data.address}/rows`, { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify(next) });
-          apply((await done.json()) as News);
+          const news = (await done.json()) as News;
+          if (!paused) apply(news); // what came after the click is asked for again
         } catch (error) {
           say(`The program does not answer any more: ${String(error)}`, true);
           await wait(1000);

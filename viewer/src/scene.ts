@@ -502,11 +502,21 @@ export class Picture {
       this.marked.dispose();
       this.marked = null;
     }
-    const from = this.lines.find((l) => l.data.tag !== undefined);
-    if (lines.size > 0 && from) {
-      const points = from.points.slice();
-      const n = points.length / 3;
-      for (let i = 0; i < n; ++i) if (!lines.has(from.data.tag![i]!) && !lines.has(from.data.tag![i + 1]!)) points.fill(NaN, 3 * i, 3 * i + 3);
+    // Of each line of the program the first path that holds it: feeds and rapids are two.
+    const left = new Set(lines), places: number[] = [];
+    for (const { data, points } of this.lines) {
+      if (data.tag === undefined || left.size === 0) continue;
+      const tag = data.tag, own = new Set(tag.filter((t) => left.has(t)));
+      if (own.size === 0) continue;
+      tag.forEach((t, i) => {
+        const kept = own.has(t) || own.has(tag[i + 1] ?? NaN);
+        for (let k = 0; k < 3; ++k) places.push(kept ? points[3 * i + k]! : NaN);
+      });
+      places.push(NaN, NaN, NaN);
+      for (const t of own) left.delete(t);
+    }
+    if (places.length > 0) {
+      const points = Float32Array.from(places);
       const data: LineData = { name: '', layer: '', colour: 'orange', stroke: 6, dots: false, moves: false, points: '' };
       this.marked = new Line(data, null, this.pixels, points);
       this.scene.add(this.marked.object);
