@@ -199,7 +199,7 @@ Status LineReader::read_block(Block& block) {
       ++i;
       continue;
     }
-    if (c == '#' || c == '[') {
+    if (c == '#' || c == '[' || c == '$') {
       block.construct = c == '#' ? Construct::parameter : Construct::expression;
       block.construct_column = static_cast<int>(i) + 1;
       break;

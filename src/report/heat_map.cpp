@@ -524,7 +524,10 @@ std::string HeatMap::operator()(const Canvas& canvas) const {
                        y1, escape(label), read.text());
     if (with_kinds) {
       std::string names;
-      for (const std::string& name : kinds) names += (names.empty() ? "" : ";") + escape(name);
+      for (std::size_t k = 0; k < kinds.size(); ++k) {  // those that occur, at their places
+        const bool occurs = std::find(kind.begin(), kind.end(), static_cast<int>(k)) != kind.end();
+        names += (k == 0 ? "" : ";") + (occurs ? escape(kinds[k]) : std::string());
+      }
       data += fmt::format(" data-kinds=\"{}\" data-k=\"{}\"", names, of.text());
     }
   }

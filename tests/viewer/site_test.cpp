@@ -399,7 +399,7 @@ TEST(Site, ShowsAnStlFileWithItsFigures) {
   EXPECT_THAT(open, HasSubstr("The surface is not closed: 4 of its edges"));
   // A file that is none, or holds nothing, is a page that says so.
   EXPECT_THAT(page_of({written("bad.stl", "no mesh")}), HasSubstr("BO112"));
-  EXPECT_THAT(page_of({written("none.stl", "solid a\nendsolid a\n")}), HasSubstr("VW106"));
+  EXPECT_THAT(page_of({written("without_triangles.stl", "solid a\nendsolid a\n")}), HasSubstr("VW106"));
 }
 
 /// What is too much to draw is drawn coarser, and what is too much to read is not read.
