@@ -269,7 +269,8 @@ Status find_best(Ledger& ledger) {
   constexpr int kMostRounds = 20;
   const std::int64_t all = ledger.left();
   const auto planned = std::clamp<std::int64_t>(
-      static_cast<std::int64_t>(static_cast<double>(all) / (kEach * static_cast<double>(ledger.n() + 1))), 1, kMostStarts);
+      static_cast<std::int64_t>(static_cast<double>(all) / (kEach * static_cast<double>(ledger.n() + 1))), 1,
+      kMostStarts);
   Member best;
   for (std::int64_t k = 0; k < planned && !ledger.over(); ++k) {
     const auto kept = static_cast<std::int64_t>(planned > 1 ? kForTheBest * static_cast<double>(all) : 0);

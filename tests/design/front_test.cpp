@@ -101,8 +101,7 @@ Study known_goals(std::size_t goals, int evaluations, int seed) {
                           "leg.length_min_mm", "leg.length_max_mm", "tool.length_mm", "joint.cone_deg"})
     text += fmt::format("[[vary]]\nkey = \"{}\"\nmin = 20\nmax = 60\n", key);
   const std::array names{"footprint_mm2", "height_mm", "condition"};
-  for (std::size_t i = 0; i < goals; ++i)
-    text += fmt::format("[[goal]]\nfigure = \"{}\"\nsense = \"min\"\n", names[i]);
+  for (std::size_t i = 0; i < goals; ++i) text += fmt::format("[[goal]]\nfigure = \"{}\"\nsense = \"min\"\n", names[i]);
   return study_on_strut(text);
 }
 
@@ -123,9 +122,9 @@ TEST(Front, OfKnownProblemsBesideTheirHypervolumes) {
     const double a = 90 * kDeg * u[0], b = 90 * kDeg * u[1];
     return {g * std::cos(a) * std::cos(b), g * std::cos(a) * std::sin(b), g * std::sin(a)};
   };
-  for (const auto& [name, goals, f, exact, peer] :
-       {std::tuple{"ZDT1", 2, zdt(0.5), 1.21 - 1.0 / 3, kPeerZdt1}, {"ZDT2", 2, zdt(2), 1.21 - 2.0 / 3, kPeerZdt2},
-        {"DTLZ2", 3, dtlz2, 1.331 - std::numbers::pi / 6, kPeerDtlz2}}) {
+  for (const auto& [name, goals, f, exact, peer] : {std::tuple{"ZDT1", 2, zdt(0.5), 1.21 - 1.0 / 3, kPeerZdt1},
+                                                    {"ZDT2", 2, zdt(2), 1.21 - 2.0 / 3, kPeerZdt2},
+                                                    {"DTLZ2", 3, dtlz2, 1.331 - std::numbers::pi / 6, kPeerDtlz2}}) {
     for (const int seed : {1, 2, 3}) {
       const Folder folder;
       const Study s = known_goals(static_cast<std::size_t>(goals), 5000, seed);

@@ -138,8 +138,8 @@ double hills(const std::vector<double>& u) {
 
 Study five_parameters(int evaluations, int seed) {
   std::string text = fmt::format("evaluations = {}\nseed = {}\n", evaluations, seed);
-  for (const char* key : {"base.radius_mm", "platform.radius_mm", "platform.pair_angle_deg", "tool.length_mm",
-                          "base.pair_angle_deg"})
+  for (const char* key :
+       {"base.radius_mm", "platform.radius_mm", "platform.pair_angle_deg", "tool.length_mm", "base.pair_angle_deg"})
     text += fmt::format("[[vary]]\nkey = \"{}\"\nmin = 5\nmax = 60\n", key);
   return study_on_strut(text + "[[goal]]\nfigure = \"height_mm\"\nsense = \"min\"\n");
 }
@@ -153,7 +153,8 @@ TEST(Optimize, SeveralStartsSayHowTheyEnded) {
     const auto search = [&](int most) {
       auto store = Store::open(at, s, "", "1.0");
       EXPECT_TRUE(store) << to_string(store.error());
-      KnownCrew crew(s, [](const std::vector<double>& u) { return std::vector<double>{1 / hills(u)}; }, most);
+      KnownCrew crew(
+          s, [](const std::vector<double>& u) { return std::vector<double>{1 / hills(u)}; }, most);
       OptimizeOptions options;
       options.crew = &crew;
       auto o = optimize(s, *store, options);
