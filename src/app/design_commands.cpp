@@ -220,23 +220,20 @@ void print_again(const Study& study, const std::vector<Row>& rows, const design:
     const char* name = design::info_of(figures[i]).name;
     const double is = again.rows[0].evaluation.figures[i].value;
     if (!one) {
-      changed.push_back(fmt::format("{} changes by at most {:.2g} %", name,
-                                    100 * largest_change(before, again, i)));
+      changed.push_back(fmt::format("{} changes by at most {:.2g} %", name, 100 * largest_change(before, again, i)));
     } else if (std::isfinite(is)) {
-      changed.push_back(
-          fmt::format("{} {} ({})", name, shown(is), shown(before[0]->evaluation.figures[i].value)));
+      changed.push_back(fmt::format("{} {} ({})", name, shown(is), shown(before[0]->evaluation.figures[i].value)));
     }
   }
   std::vector<std::size_t> broken;
   for (std::size_t k = 0; k < count; ++k)
     if (again.rows[k].evaluation.state != State::done) broken.push_back(k);
   const auto reason = [&](std::size_t k) { return one_line(again.rows[k].evaluation.reason); };
-  const std::string verdict = broken.empty()
-                                  ? study.holds.empty() ? ""
-                                    : one               ? "; all holds are kept"
-                                                        : fmt::format("; all {} points keep all holds", count)
+  const std::string verdict = broken.empty() ? study.holds.empty() ? ""
+                                               : one               ? "; all holds are kept"
+                                                     : fmt::format("; all {} points keep all holds", count)
                               : one ? fmt::format("; no: {}", reason(0))
-                                    : fmt::format("; no: {} of {} points break a hold", broken.size(), count);
+                                             : fmt::format("; no: {} of {} points break a hold", broken.size(), count);
   fmt::print("judged again with resolution {} instead of {}: {}{}{}\n", again.resolution, study.resolution,
              fmt::join(changed, ", "), verdict, broken.empty() ? "" : ". Search with a higher resolution");
   if (one) return;
@@ -389,9 +386,8 @@ Command optimize_command() {
         finer.threads = o->threads;
         finer.cancelled = options.cancelled;
         POLYPOD_ASSIGN(again, design::judge_again(study, store, found, finer,
-                                                  [line = progress_line(context, "judging again")](double share) mutable {
-                                                    line(share);
-                                                  }));
+                                                  [line = progress_line(context, "judging again")](
+                                                      double share) mutable { line(share); }));
         POLYPOD_TRY(store.close());
         const bool yes = any && (!again || again->holds_kept());
         const Row* start = start_of(found.rows);
@@ -424,7 +420,7 @@ Command optimize_command() {
           fmt::print("{} more are there of a search with another number of evaluations, and count\n",
                      found.rows.size() - asked.size());
         }
-        if (!found.starts.empty()) fmt::print("{}\n", design::in_words(found.starts, found.rows));
+        if (found.starts.size() > 1) fmt::print("{}\n", design::in_words(found.starts, found.rows));
         if (found.best) {
           print_row(study, found.rows[*found.best], start);
           print_binding(study, found.rows[*found.best], again && !again->holds_kept());
@@ -665,15 +661,16 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
   files::Outputs out;
   if (!o.csv.empty()) {
     std::vector<std::size_t> in_order = which;
-    std::sort(in_order.begin(), in_order.end(), [&](std::size_t a, std::size_t b) { return rows[a].row < rows[b].row; });
+    std::sort(in_order.begin(), in_order.end(),
+              [&](std::size_t a, std::size_t b) { return rows[a].row < rows[b].row; });
     POLYPOD_TRY(out.add(o.csv, design::rows_csv(study, rows, in_order)));
   }
   if (machine_row != nullptr) {
     POLYPOD_ASSIGN(text, design::file_of_row(study, *machine_row));
     POLYPOD_TRY(out.add(o.output, std::move(text)));
   }
-  const pages::StudyPage page{study, rows, sensitivities, global,    complete, POLYPOD_VERSION,
-                              command_line(), starts, reference, again};
+  const pages::StudyPage page{study,           rows,           sensitivities, global,    complete,
+                              POLYPOD_VERSION, command_line(), starts,        reference, again};
   constexpr double kWidth = 960;
   if (!o.front_svg.empty()) {
     POLYPOD_ASSIGN(figure, pages::front_figure(page));
@@ -748,8 +745,8 @@ Command study_command() {
             const std::vector<std::size_t> front = design::front_of(study, rows);
             const auto sensitivities = design::sensitivities(study, rows);
             sort_rows(study, rows, front, which);
-            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row,
-                                          starts, reference, again));
+            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row, starts,
+                                          reference, again));
             std::vector<std::size_t> listed = which;
             listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
             if (context.json) {
@@ -778,7 +775,7 @@ Command study_command() {
                        study.seed, store.version());
             fmt::print("{} rows: {}; the search {}\n", rows.size(), states_text(rows),
                        complete ? "ended by itself" : "was broken off, or is running");
-            if (!starts.empty()) fmt::print("{}\n", design::in_words(starts, rows));
+            if (starts.size() > 1) fmt::print("{}\n", design::in_words(starts, rows));
             if (best) {
               fmt::print("\n");
               print_row(study, rows[*best], start_of(rows));

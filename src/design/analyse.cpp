@@ -326,7 +326,8 @@ std::optional<FrontVolume> front_volume(const Study& study, const std::vector<Ro
 std::string in_words(const Study& study, const FrontVolume& volume) {
   std::string reference;
   for (std::size_t i = 0; i < study.goals.size(); ++i) {
-    reference += fmt::format("{}{} {:.6g}", i > 0 ? ", " : "", info_of(study.goals[i].figure).name, volume.reference[i]);
+    reference +=
+        fmt::format("{}{} {:.6g}", i > 0 ? ", " : "", info_of(study.goals[i].figure).name, volume.reference[i]);
   }
   return fmt::format("hypervolume {:.6g}, {:.3g} % of the box between the best of each goal and the reference point {}",
                      volume.volume, 100 * volume.share, reference);

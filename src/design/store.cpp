@@ -459,7 +459,8 @@ Result<std::vector<Row>> Store::Impl::rows_of(const char* table) const {
   std::vector<Row> out;
   {
     POLYPOD_ASSIGN(count, prepare(fmt::format("SELECT count(*) FROM {}", table)));
-    if (sqlite3_step(count.get()) == SQLITE_ROW) out.reserve(static_cast<std::size_t>(sqlite3_column_int64(count.get(), 0)));
+    if (sqlite3_step(count.get()) == SQLITE_ROW)
+      out.reserve(static_cast<std::size_t>(sqlite3_column_int64(count.get(), 0)));
   }
   const std::size_t varied = study.vary.size(), figures = study.figures().size();
   int code = 0;

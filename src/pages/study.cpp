@@ -160,16 +160,16 @@ class Page {
       return;
     }
     const std::vector<Row>& rows = page_.again->rows;
-    const auto broken = std::count_if(rows.begin(), rows.end(),
-                                      [](const Row& row) { return row.evaluation.state != State::done; });
+    const auto broken =
+        std::count_if(rows.begin(), rows.end(), [](const Row& row) { return row.evaluation.state != State::done; });
     if (broken > 0) {
-      const auto first = std::find_if(rows.begin(), rows.end(),
-                                      [](const Row& row) { return row.evaluation.state != State::done; });
-      report_.add_verdict(Verdict::bad,
-                          fmt::format("Judged again with resolution {} instead of {}, {} of {} break a hold; row {}: {}. "
-                                      "Search with a higher resolution.",
-                                      page_.again->resolution, study_.resolution, broken, rows.size(), first->row,
-                                      first->evaluation.reason));
+      const auto first =
+          std::find_if(rows.begin(), rows.end(), [](const Row& row) { return row.evaluation.state != State::done; });
+      report_.add_verdict(
+          Verdict::bad, fmt::format("Judged again with resolution {} instead of {}, {} of {} break a hold; row {}: {}. "
+                                    "Search with a higher resolution.",
+                                    page_.again->resolution, study_.resolution, broken, rows.size(), first->row,
+                                    first->evaluation.reason));
       return;
     }
     std::string values;
@@ -344,10 +344,11 @@ class Page {
       t.rows.push_back({std::string(design::name_of(state)), static_cast<double>(count), std::string(meaning)});
     }
     report_.add_table(t);
-    if (!page_.starts.empty()) {
-      report_.add_text("The search for one machine begins several times, each time with a sample of its own over all ranges: " +
-                       design::in_words(page_.starts, page_.rows) +
-                       ". Starts that end at different objectives say that there are several local optima.");
+    if (page_.starts.size() > 1) {
+      report_.add_text(
+          "The search for one machine begins several times, each time with a sample of its own over all ranges: " +
+          design::in_words(page_.starts, page_.rows) +
+          ". Starts that end at different objectives say that there are several local optima.");
     }
     if (study_.wants_front()) return;
     report::LinePlot plot;

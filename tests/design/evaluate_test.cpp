@@ -106,8 +106,8 @@ TEST(Evaluate, HoldsAreKeptOrTheirBreachIsMeasured) {
   EXPECT_NE(e.reason.find("volume_mm3 at least"), std::string::npos) << e.reason;
   EXPECT_EQ(evaluated(study_on_strut(kRadius + wanted + "[[hold]]\nfigure = \"volume_mm3\"\nmin = 1e5\n"), {50}).state,
             State::done);
-  // Coarse bounds that hold the limit between them decide nothing: those of the fine volume do, and where the limit lies
-  // between these as well it is not proven to be kept.
+  // Coarse bounds that hold the limit between them decide nothing: those of the fine volume do, and where the limit
+  // lies between these as well it is not proven to be kept.
   const Study plain = study_on_strut(kRadius + goal("volume_mm3", "sense = \"max\""));
   const Value fine = evaluated(plain, {50}).figures[0];
   ASSERT_LT(fine.lower, fine.upper);

@@ -53,8 +53,8 @@ struct HoldSummary {
 std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Row>& rows);
 /// The volume of all that is dominated by these points and dominates the corner, where more is better in every goal
 /// (goals_of); points that are not above the corner in every goal count nothing. Exact, by a staircase that points are
-/// added to, and by slices along each further goal (Beume et al. 2009 for three). Cost: n log n for two and three goals,
-/// n more for each further one.
+/// added to, and by slices along each further goal (Beume et al. 2009 for three). Cost: n log n for two and three
+/// goals, n more for each further one.
 double hypervolume(std::vector<std::vector<double>> points, const std::vector<double>& corner);
 
 /// How much of the space of the goals a front dominates: the hypervolume indicator (Zitzler and Thiele 1998), exact for
@@ -65,8 +65,8 @@ struct FrontVolume {
   std::vector<double> reference;  ///< a figure a goal, worse than the front
   std::vector<double> best;       ///< the best figure of each goal on the front
 };
-/// `reference`: the figures to compare with, one a goal; NaN or left out: the worst of the front and a tenth of its span
-/// beyond. Nothing without a front, and of a study with one goal.
+/// `reference`: the figures to compare with, one a goal; NaN or left out: the worst of the front and a tenth of its
+/// span beyond. Nothing without a front, and of a study with one goal.
 std::optional<FrontVolume> front_volume(const Study& study, const std::vector<Row>& rows,
                                         const std::vector<std::size_t>& front,
                                         const std::vector<double>& reference = {});
@@ -83,8 +83,8 @@ std::vector<std::string> binding(const Study& study, const Row& row);
 /// file says.
 std::vector<std::pair<std::string, double>> parameters_of(const Study& study, const Row& row);
 
-/// A table of these rows, as indices of `rows`: row, state, phase, objective with its bounds, violation, the parameters, the figures with
-/// the bounds of volumes, seconds, version, at, reason.
+/// A table of these rows, as indices of `rows`: row, state, phase, objective with its bounds, violation, the
+/// parameters, the figures with the bounds of volumes, seconds, version, at, reason.
 std::string rows_csv(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& which);
 
 /// The machine of a row, with its provenance. Errors: OP121 (the row has no machine).

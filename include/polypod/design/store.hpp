@@ -61,8 +61,8 @@ class Store {
   /// are no rows of the search. Empty where there are none. Errors: OP115.
   [[nodiscard]] Result<std::vector<Row>> samples() const;
   Status add_sample(const Row& row);
-  /// What a survey of this resolution said of some of the rows, in a table `judged_again` of the same columns, instead of
-  /// what was there; no rows: nothing is there. Errors: OP115.
+  /// What a survey of this resolution said of some of the rows, in a table `judged_again` of the same columns, instead
+  /// of what was there; no rows: nothing is there. Errors: OP115.
   Status set_judged_again(int resolution, const std::vector<Row>& rows);
   [[nodiscard]] Result<std::pair<int, std::vector<Row>>> judged_again() const;
   /// A text under a key of `meta`; empty where the key is not there.

@@ -20,10 +20,10 @@ struct StudyPage {
   const std::vector<design::Sensitivity>& sensitivities;
   const design::StudySensitivity& global;  ///< over the whole ranges; without groups: none
   bool complete = false;
-  std::string version;  ///< of Polypod
-  std::string command;  ///< how the page was made
-  std::vector<design::Start> starts;  ///< of the search (design::kept_starts)
-  std::vector<double> reference;      ///< of the hypervolume of the front, as design::front_volume takes it
+  std::string version;                       ///< of Polypod
+  std::string command;                       ///< how the page was made
+  std::vector<design::Start> starts;         ///< of the search (design::kept_starts)
+  std::vector<double> reference;             ///< of the hypervolume of the front, as design::front_volume takes it
   std::optional<design::JudgedAgain> again;  ///< the answer over a finer survey (design::kept_again)
 };
 
