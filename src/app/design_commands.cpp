@@ -187,7 +187,7 @@ Json hypervolume_json(const Study& study, const design::FrontVolume& volume) {
     reference[name] = number_json(volume.reference[i]);
     best[name] = number_json(volume.best[i]);
   }
-  return {{"volume", volume.volume}, {"share", volume.share}, {"reference", reference}, {"best", best}};
+  return {{"volume", volume.volume}, {"fraction_of_box", volume.share}, {"reference", reference}, {"best", best}};
 }
 
 void print_hypervolume(const Study& study, const std::vector<Row>& rows, const std::vector<std::size_t>& front,

@@ -168,6 +168,8 @@ TEST(FrontVolume, TakesAReferenceOrAPointBeyondTheFront) {
   // A reference that nothing is better than, and no front.
   EXPECT_EQ(front_volume(s, rows, {0, 1, 2}, {1, 1})->share, 0);
   EXPECT_FALSE(front_volume(s, rows, {}));
+  EXPECT_FALSE(front_volume(s, rows, {1}));
+  EXPECT_NEAR(front_volume(s, rows, {1}, {4, 3})->volume, 2, 1e-12);
 }
 
 Study three_goals(int evaluations, int seed) {
