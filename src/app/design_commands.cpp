@@ -420,7 +420,7 @@ Command optimize_command() {
           fmt::print("{} more are there of a search with another number of evaluations, and count\n",
                      found.rows.size() - asked.size());
         }
-        if (!found.starts.empty()) fmt::print("{}\n", design::in_words(found.starts, found.rows));
+        if (found.starts.size() > 1) fmt::print("{}\n", design::in_words(found.starts, found.rows));
         if (found.best) {
           print_row(study, found.rows[*found.best], start);
           print_binding(study, found.rows[*found.best], again && !again->holds_kept());
@@ -775,7 +775,7 @@ Command study_command() {
                        study.seed, store.version());
             fmt::print("{} rows: {}; the search {}\n", rows.size(), states_text(rows),
                        complete ? "ended by itself" : "was broken off, or is running");
-            if (!starts.empty()) fmt::print("{}\n", design::in_words(starts, rows));
+            if (starts.size() > 1) fmt::print("{}\n", design::in_words(starts, rows));
             if (best) {
               fmt::print("\n");
               print_row(study, rows[*best], start_of(rows));

@@ -305,6 +305,7 @@ std::optional<FrontVolume> front_volume(const Study& study, const std::vector<Ro
   FrontVolume out;
   std::vector<double> corner;
   double box = 1;
+  bool any_given = false;
   for (std::size_t i = 0; i < n; ++i) {
     double least = points[0][i], most = least;
     for (const auto& p : points) {
@@ -313,11 +314,13 @@ std::optional<FrontVolume> front_volume(const Study& study, const std::vector<Ro
     }
     constexpr double kBeyond = 0.1;
     const bool given = i < reference.size() && !std::isnan(reference[i]);
+    any_given = any_given || given;
     corner.push_back(given ? sign(i) * reference[i] : least - kBeyond * (most - least));
     box *= std::max(0.0, most - corner[i]);
     out.best.push_back(sign(i) * most);
     out.reference.push_back(sign(i) * corner[i]);
   }
+  if (!any_given && !(box > 0)) return {};
   out.volume = hypervolume(std::move(points), corner);
   out.share = box > 0 ? out.volume / box : 0;
   return out;

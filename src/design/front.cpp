@@ -65,7 +65,7 @@ Sorted sorted(const Ledger& ledger, const std::vector<Member>& members) {
   return out;
 }
 
-/// Simulated binary crossover.
+/// Simulated binary crossover; of what is crossed each child has either side by chance, so that the parents mix.
 void cross(Random& random, Shares& a, Shares& b) {
   constexpr double kChance = 0.9, kIndex = 15;
   if (random.uniform() >= kChance) return;
@@ -76,6 +76,7 @@ void cross(Random& random, Shares& a, Shares& b) {
     const double x = a[i], y = b[i];
     a[i] = std::clamp(0.5 * ((1 + beta) * x + (1 - beta) * y), 0.0, 1.0);
     b[i] = std::clamp(0.5 * ((1 - beta) * x + (1 + beta) * y), 0.0, 1.0);
+    if (random.uniform() < 0.5) std::swap(a[i], b[i]);
   }
 }
 
@@ -92,8 +93,20 @@ void mutate(Random& random, Shares& u) {
 
 std::vector<Member> children_of(Ledger& ledger, const std::vector<Member>& parents, std::size_t size) {
   const Sorted order = sorted(ledger, parents);
+  // Tournaments of two, in which each parent takes part before any does again.
+  std::vector<std::size_t> draw;
+  const auto next = [&] {
+    if (draw.empty()) {
+      draw.resize(parents.size());
+      std::iota(draw.begin(), draw.end(), std::size_t{0});
+    }
+    std::swap(draw[ledger.below(draw.size())], draw.back());
+    const std::size_t out = draw.back();
+    draw.pop_back();
+    return out;
+  };
   const auto chosen = [&]() -> const Shares& {
-    const std::size_t a = ledger.below(parents.size()), b = ledger.below(parents.size());
+    const std::size_t a = next(), b = next();
     return parents[order.before(b, a) ? b : a].u;
   };
   std::vector<Member> out;

@@ -344,7 +344,7 @@ class Page {
       t.rows.push_back({std::string(design::name_of(state)), static_cast<double>(count), std::string(meaning)});
     }
     report_.add_table(t);
-    if (!page_.starts.empty()) {
+    if (page_.starts.size() > 1) {
       report_.add_text(
           "The search for one machine begins several times, each time with a sample of its own over all ranges: " +
           design::in_words(page_.starts, page_.rows) +

@@ -126,14 +126,14 @@ TEST(Optimize, AnotherBudgetDoesNotForgetTheBestOfTheStore) {
   EXPECT_EQ(again.better, 0);  // what it found itself is worse
 }
 
-/// Two hills over five parameters: a broad one of 0.65 inside, and a steeper one of 0.7 in a corner.
+/// Three hills over five parameters: the highest, of 0.695, at the ends of four ranges, one of 0.64 inside, and one of
+/// 0.6 that is broad.
 double hills(const std::vector<double>& u) {
-  double inside = 0.65, corner = 0.7;
-  for (const double x : u) {
-    inside -= 0.25 * (x - 0.7) * (x - 0.7);
-    corner -= 0.25 * x;
-  }
-  return std::max({inside, corner, 1e-3});
+  const auto to = [&](std::size_t i, double x) { return (u[i] - x) * (u[i] - x); };
+  const double inside = 0.64 - 0.3 * (to(0, 0.2) + to(1, 0.6) + to(2, 0.9) + to(3, 0.3) + to(4, 0.1));
+  const double ends = 0.695 - 0.3 * to(0, 0.5) - 0.15 * u[1] - 0.2 * u[2] - 0.1 * u[3] - 0.15 * u[4];
+  const double broad = 0.6 - 0.2 * (to(0, 0.8) + to(1, 0.8) + to(2, 0.8) + to(3, 0.8) + to(4, 0.8));
+  return std::max({inside, ends, broad, 1e-3});
 }
 
 Study five_parameters(int evaluations, int seed) {
@@ -147,7 +147,8 @@ Study five_parameters(int evaluations, int seed) {
 TEST(Optimize, SeveralStartsSayHowTheyEnded) {
   const Folder folder;
   int on_top = 0;
-  for (int seed = 1; seed <= 10; ++seed) {
+  constexpr int kSeeds = 30;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
     const Study s = five_parameters(200, seed);
     const std::string at = folder / std::to_string(seed);
     const auto search = [&](int most) {
@@ -167,7 +168,7 @@ TEST(Optimize, SeveralStartsSayHowTheyEnded) {
     EXPECT_EQ(part.computed, 90);
     const Outcome o = search(-1);
     EXPECT_EQ(o.computed, 110);
-    EXPECT_GE(o.starts.size(), 2U);
+    EXPECT_GE(o.starts.size(), 3U);
     int asked = 0;
     for (const Start& start : o.starts) {
       asked += start.evaluations;
@@ -175,12 +176,12 @@ TEST(Optimize, SeveralStartsSayHowTheyEnded) {
     }
     EXPECT_LE(asked, 200);
     ASSERT_TRUE(o.best);
-    EXPECT_GT(o.rows[*o.best].evaluation.objective.value, 0.64);
     on_top += o.rows[*o.best].evaluation.objective.value > 0.69 ? 1 : 0;
     const std::string words = in_words(o.starts, o.rows);
-    EXPECT_TRUE(words.starts_with(fmt::format("{} starts ended at 0.6", o.starts.size()))) << words;
+    EXPECT_TRUE(words.starts_with(fmt::format("{} starts ended at 0.", o.starts.size()))) << words;
   }
-  EXPECT_GE(on_top, 9);
+  // One start finds the highest with 3 of 30 seeds.
+  EXPECT_GE(on_top, kSeeds / 2);
 }
 
 /// Footprint and height of the strut hexapod of studies.hpp with these radii, in mm2 and mm.

@@ -66,7 +66,8 @@ struct FrontVolume {
   std::vector<double> best;       ///< the best figure of each goal on the front
 };
 /// `reference`: the figures to compare with, one a goal; NaN or left out: the worst of the front and a tenth of its
-/// span beyond. Nothing without a front, and of a study with one goal.
+/// span beyond. Nothing without a front, of a front without a span where no reference is given, and of a study with one
+/// goal.
 std::optional<FrontVolume> front_volume(const Study& study, const std::vector<Row>& rows,
                                         const std::vector<std::size_t>& front,
                                         const std::vector<double>& reference = {});

@@ -56,7 +56,7 @@ struct Outcome {
 /// and a shrinking population: Tanabe and Fukunaga 2014), a parameter beyond its range set to its end. Then from the
 /// best: neighbouring steps, the ends of each range, and the subplex method (Rowan 1990, of NLopt). That is one start;
 /// up to five of them, each with a sample of its own, share four fifths of the evaluations, and the best goes on with
-/// the rest (12 evaluations a start for each parameter and one more are the least). What is left then goes to further
+/// the rest (50 evaluations a start and 3 for each parameter are the least). What is left then goes to further
 /// starts. A candidate that keeps all holds is better than one that does
 /// not, of two that do not the one that breaks them less (Deb 2000). Where all parameters have steps or lists and all
 /// combinations fit into the evaluations, all are tried instead. A front: NSGA-II (Deb 2002). The first member of the
