@@ -36,7 +36,9 @@ class Growing : public ::testing::Test {
     return *news;
   }
   machine::AnyMachine machine_ = *machine::load("hexapod-strut");
-  std::string path_ = ::testing::TempDir() + "/growing.csv";
+  // Tests run side by side.
+  std::string path_ =
+      ::testing::TempDir() + "/growing_" + ::testing::UnitTest::GetInstance()->current_test_info()->name() + ".csv";
   RecordPlace place_;
 };
 

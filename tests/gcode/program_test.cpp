@@ -96,7 +96,7 @@ TEST(Parse, MarksValuesThatAreNoNumbers) {
 
 TEST(Parse, RefusesWithPlaceAndId) {
   const std::vector<Bad> cases{
-      {"G0 X1\nG1 Y2$\n", "GC100", 2, 6},
+      {"G0 X1\nG1 Y2&\n", "GC100", 2, 6},
       {"G0 X1 \xc3\xa4\n", "GC100", 1, 7},
       {"G0 X1\rG0 Y1\n", "GC100", 1, 6},
       {"; a\rG0 Y1\n", "GC100", 1, 4},
