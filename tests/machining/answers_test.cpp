@@ -210,10 +210,10 @@ TEST(Answers, ThePageOfAPredictionSaysWhyItIsNoYes) {
   const std::string page = pages::prediction_page(e.job, e.program, e.interpretation, p, p.samples, how);
   EXPECT_THAT(page, HasSubstr("ith block delete on"));
   EXPECT_THAT(page, HasSubstr("through material, 12 µm deep"));
-  EXPECT_THAT(page, Not(HasSubstr("stock that the deflected tool leaves")));
+  EXPECT_THAT(page, Not(HasSubstr("what the deflected tool leaves")));
   how.collides = false;
   EXPECT_THAT(pages::prediction_page(e.job, e.program, e.interpretation, p, p.samples, how),
-              HasSubstr("stock that the deflected tool leaves"));
+              HasSubstr("what the deflected tool leaves"));
 }
 
 TEST(Answers, TheHeaderSaysThatItIsOutside) {
