@@ -206,11 +206,14 @@ double largest_change(const std::vector<const Row*>& before, const design::Judge
   return out;
 }
 
-/// `rows`: of the search, which hold those that were judged again.
+/// `rows`: of the search. Nothing where they do not hold those that were judged again.
 void print_again(const Study& study, const std::vector<Row>& rows, const design::JudgedAgain& again) {
   std::vector<const Row*> before;
-  for (const Row& row : again.rows)
-    before.push_back(&*std::find_if(rows.begin(), rows.end(), [&](const Row& r) { return r.row == row.row; }));
+  for (const Row& row : again.rows) {
+    const auto at = std::find_if(rows.begin(), rows.end(), [&](const Row& r) { return r.row == row.row; });
+    if (at == rows.end()) return;
+    before.push_back(&*at);
+  }
   std::vector<std::string> changed;
   const std::size_t count = before.size();
   const bool one = count == 1;

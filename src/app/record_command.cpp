@@ -70,9 +70,11 @@ Command record_command() {
             return fail("AP274", "--live needs a file: rows that come while LinuxCNC runs are followed in it", {},
                         "give -o a file");
           }
-          growing.open(o->out, std::ios::binary | std::ios::trunc);
-          if (!growing) return fail("FI101", fmt::format("cannot write {}", one_line(o->out)));
-          options.rows = [&](std::string_view rows) { growing << rows << std::flush; };
+          options.rows = [&](std::string_view rows) {
+            // An earlier record stays until this one begins.
+            if (!growing.is_open()) growing.open(o->out, std::ios::binary | std::ios::trunc);
+            growing << rows << std::flush;
+          };
         }
         double shown = 0;
         options.progress = [&](double seconds) {
@@ -81,16 +83,13 @@ Command record_command() {
             std::fflush(stderr);
             shown = seconds;
           }
-          return !interrupted();
+          return !interrupted() && growing;
         };
         const auto record = control::record(o->folder, o->program, options);
         if (shown > 0) fmt::print(stderr, "\r\x1b[K");
+        if (!growing) return fail("FI101", fmt::format("cannot write {}", one_line(o->out)));
         if (!record) return tl::unexpected(record.error());
-        if (!o->live) {
-          POLYPOD_TRY(files::write_whole(o->out, record->csv));
-        } else if (!growing) {
-          return fail("FI101", fmt::format("cannot write {}", one_line(o->out)));
-        }
+        if (!growing.is_open()) POLYPOD_TRY(files::write_whole(o->out, record->csv));
         if (record->failed) {
           Error error = *record->failed;
           error.message += fmt::format("; the {:.3f} s up to there are in {}", record->seconds, one_line(o->out));

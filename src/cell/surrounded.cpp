@@ -10,6 +10,7 @@
 
 #include "common.hpp"
 #include "polypod/cell/safety.hpp"
+#include "polypod/geometry/hull.hpp"
 
 namespace polypod::cell {
 namespace {
@@ -32,25 +33,6 @@ bool meets(const Vec2& p, const Vec2& d, const Guard& g) {
   return d.dot(a) + t * d.dot(b - a) > 0;
 }
 
-/// The convex hull of points, counterclockwise (Andrew's monotone chain).
-std::vector<Vec2> hull_of(std::vector<Vec2> points) {
-  std::sort(points.begin(), points.end(),
-            [](const Vec2& a, const Vec2& b) { return std::pair(a.x(), a.y()) < std::pair(b.x(), b.y()); });
-  const auto turns_left = [](const Vec2& a, const Vec2& b, const Vec2& c) {
-    return (b.x() - a.x()) * (c.y() - a.y()) - (b.y() - a.y()) * (c.x() - a.x()) > 0;
-  };
-  std::vector<Vec2> out;
-  for (int side = 0; side < 2; ++side) {
-    const std::size_t start = out.size();
-    for (const Vec2& p : points) {
-      while (out.size() >= start + 2 && !turns_left(out[out.size() - 2], out.back(), p)) out.pop_back();
-      out.push_back(p);
-    }
-    out.pop_back();
-    std::reverse(points.begin(), points.end());
-  }
-  return out;
-}
 bool is_in(const Vec2& p, const std::vector<Vec2>& hull) {
   for (std::size_t k = 0; k < hull.size(); ++k) {
     const Vec2 d = hull[(k + 1) % hull.size()] - hull[k], to = p - hull[k];
@@ -153,7 +135,7 @@ std::string way_in(const Cell& cell, const std::vector<Swept>& space) {
       std::vector<Vec2> ends;
       for (const Guard& g : cell.guards)
         for (const Vec3* p : {&g.from, &g.to}) ends.emplace_back(p->head<2>());
-      const std::vector<Vec2> hull = hull_of(std::move(ends));
+      const std::vector<Vec2> hull = convex_hull(std::move(ends));
       Vec2 gap = middle;
       for (std::size_t at = floor.index(c, r); at != 0; at = static_cast<std::size_t>(before[at])) {
         gap = floor.middle(static_cast<int>(at) % floor.columns, static_cast<int>(at) / floor.columns);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "history.hpp"
@@ -30,6 +31,13 @@ double radius_at(const Cutter& cutter, double z) {
   const double r = cutter.corner_radius, below = r - z;
   if (!(below > 0)) return cutter.radius();
   return cutter.radius() - r + std::sqrt(std::max(0.0, r * r - below * below));
+}
+
+double edge_height(const Cutter& cutter, double radius) {
+  const double r = cutter.corner_radius, in_corner = radius - (cutter.radius() - r);
+  if (radius > cutter.radius()) return std::numeric_limits<double>::infinity();
+  if (in_corner <= 0) return 0;
+  return r - std::sqrt(std::max(0.0, r * r - in_corner * in_corner));
 }
 
 std::vector<EdgeSlice> straight_slices(const Cutter& cutter, CutSide side, double ae, double ap, int corner_slices) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "polypod/core/units.hpp"
+#include "polypod/geometry/hull.hpp"
 
 namespace polypod::cutting {
 namespace {
@@ -22,23 +23,6 @@ constexpr double kUpright = 1e-9;
 
 double cross(const Point& a, const Point& b) {
   return a.x() * b.y() - a.y() * b.x();
-}
-
-/// The convex outline of points, counterclockwise (Andrew's monotone chain).
-Polygon outline_of(Polygon points) {
-  std::sort(points.begin(), points.end(),
-            [](const Point& a, const Point& b) { return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y(); });
-  Polygon out(2 * points.size());
-  std::size_t n = 0;
-  const auto add = [&](const Point& p, std::size_t least) {
-    while (n >= least && cross(out[n - 1] - out[n - 2], p - out[n - 1]) <= 0) --n;
-    out[n++] = p;
-  };
-  for (const Point& p : points) add(p, 2);
-  const std::size_t lower = n + 1;
-  for (std::size_t i = points.size() - 1; i-- > 0;) add(points[i], lower);
-  out.resize(n - 1);
-  return out;
 }
 
 /// What of a convex polygon lies to the left of the line from a to b.
@@ -96,7 +80,7 @@ Result<Stock> turned_block(const Vec3& min, const Vec3& max, const Mat3& R_SW, d
     bottom = std::min(bottom, p.z());
     top = std::max(top, p.z());
   }
-  const Polygon outline = outline_of(corners);
+  const Polygon outline = convex_hull(corners);
   Point low = corners[0], high = corners[0];
   for (const Point& p : corners) {
     low = low.cwiseMin(p);

@@ -11,6 +11,7 @@
 
 #include "polypod/cell/layout.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/geometry/hull.hpp"
 #include "polypod/geometry/pose.hpp"
 #include "polypod/report/plot.hpp"
 
@@ -41,23 +42,13 @@ inline report::Point seen(const View& v, const Vec3& p) {
   return {units::to_mm(v.right.dot(p)), units::to_mm(v.up.dot(p))};
 }
 
-/// The convex hull of points in a plane (Andrew's monotone chain).
-inline std::vector<report::Point> hull(std::vector<report::Point> points) {
-  std::sort(points.begin(), points.end(),
-            [](const auto& a, const auto& b) { return a.x != b.x ? a.x < b.x : a.y < b.y; });
+/// The outline of a convex body: the hull of its corners, mm.
+inline std::vector<report::Point> hull(const std::vector<report::Point>& points) {
+  constexpr double kStraight = 1e-9;  // mm2
+  std::vector<Eigen::Vector2d> corners;
+  for (const report::Point& p : points) corners.emplace_back(p.x, p.y);
   std::vector<report::Point> out;
-  const auto turns_left = [](const report::Point& a, const report::Point& b, const report::Point& c) {
-    return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x) > 1e-9;
-  };
-  for (int side = 0; side < 2; ++side) {
-    const std::size_t start = out.size();
-    for (const report::Point& p : points) {
-      while (out.size() >= start + 2 && !turns_left(out[out.size() - 2], out.back(), p)) out.pop_back();
-      out.push_back(p);
-    }
-    out.pop_back();
-    std::reverse(points.begin(), points.end());
-  }
+  for (const Eigen::Vector2d& p : convex_hull(std::move(corners), kStraight)) out.push_back({p.x(), p.y()});
   return out;
 }
 
@@ -71,7 +62,7 @@ inline std::vector<report::Point> cylinder(const View& view, const Vec3& bottom,
     points.push_back(seen(view, rim));
     points.push_back(seen(view, rim + Vec3(0, 0, height)));
   }
-  return hull(std::move(points));
+  return hull(points);
 }
 
 /// What stands in a cell, for the table of coordinates beside its views (ISO 129-1): numbered as in the view from the

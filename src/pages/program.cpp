@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 
+#include "polypod/core/excerpt.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/report/html.hpp"
@@ -76,7 +77,7 @@ std::vector<Line> lines_of(const gcode::Understood& u, std::size_t most, std::si
         at->second = most;
       } else {
         constexpr std::size_t kText = 80;  // characters
-        out.push_back({block.line, one_line(block.text.substr(0, kText))});
+        out.push_back({block.line, one_line(block.text.substr(0, byte_at(block.text, kText)))});
       }
     }
     if (at->second == most) continue;

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/rounded.hpp"
 
 namespace polypod::pages {
 
@@ -37,15 +37,6 @@ class Squares {
   const cutting::Stock& stock_;
   int step_;
 };
-
-/// How far above its tip the edge of a cutter is at a distance from its axis, m; infinite beyond its radius.
-double above_tip(const cutting::Cutter& cutter, double r) {
-  if (r > cutter.radius()) return std::numeric_limits<double>::infinity();
-  const double in_corner = r - (cutter.radius() - cutter.corner_radius);
-  if (in_corner <= 0) return 0;
-  return cutter.corner_radius -
-         std::sqrt(std::max(0.0, cutter.corner_radius * cutter.corner_radius - in_corner * in_corner));
-}
 
 }  // namespace
 
@@ -112,7 +103,7 @@ report::Mesh growing_cut(const cutting::Stock& before, const cutting::Stock& aft
     for (int j = j0; j <= j1; ++j) {
       for (int i = i0; i <= i1; ++i) {
         const double edge =
-            tip.z() + above_tip(*place.cutter, std::hypot(squares.x(i) - tip.x(), squares.y(j) - tip.y()));
+            tip.z() + cutting::edge_height(*place.cutter, std::hypot(squares.x(i) - tip.x(), squares.y(j) - tip.y()));
         double& height = z[of(i, j)];
         if (!(edge < height)) continue;
         height = std::max(edge, before.bottom());

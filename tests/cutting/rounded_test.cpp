@@ -157,6 +157,9 @@ TEST(Rounded, RadiusOverTheHeight) {
   const Cutter bull = rounded(1e-3);
   EXPECT_NEAR(radius_at(bull, 0), 3e-3, 1e-15);
   EXPECT_NEAR(radius_at(bull, 1e-3 * (1 - std::cos(kPi / 6))), 3.5e-3, 1e-12);
+  for (const double z : {1e-5, 2e-4, 7e-4, 1e-3}) EXPECT_NEAR(edge_height(bull, radius_at(bull, z)), z, 1e-12);
+  EXPECT_EQ(edge_height(bull, 2e-3), 0);
+  EXPECT_TRUE(std::isinf(edge_height(bull, 1.001 * bull.radius())));
   EXPECT_EQ(radius_at(bull, 1e-3), 4e-3);
   EXPECT_EQ(radius_at(samples::end_mill(), 0), 4e-3);
 }

@@ -39,6 +39,19 @@ Request post(const std::string& path, const json& body) {
   return {"POST", path, "localhost:4711", "http://localhost:4711", body.dump()};
 }
 
+/// Whatever comes instead of a good question, the answer is JSON.
+void answers_damaged(const Site& site, const char* path, const std::string& good) {
+  std::mt19937 random(1);
+  for (int k = 0; k < 2000; ++k) {
+    std::string body = good;
+    for (int n = 1 + static_cast<int>(random() % 4); n > 0; --n)
+      body[random() % body.size()] = static_cast<char>(random() % 256);
+    const Response r = site.answer({"POST", path, "127.0.0.1:4711", "", body}, kPort);
+    EXPECT_EQ(r.status, 200);
+    EXPECT_TRUE(json::accept(r.body)) << body;
+  }
+}
+
 TEST(Site, OnlyItsOwnPagesMayAsk) {
   const Site site = site_of({"hexapod-strut"});
   EXPECT_EQ(site.answer(get("/"), kPort).status, 200);
@@ -228,17 +241,7 @@ TEST(Site, BearsAnyQuestion) {
     EXPECT_EQ(r.status, 200);
     EXPECT_TRUE(json::parse(r.body).contains("error")) << body << r.body;
   }
-  // Damaged questions: whatever comes, an answer is JSON.
-  std::mt19937 random(1);
-  const std::string good = R"({"sets":{"base.radius_mm":"55"},"pose":[1,2,75,0,0,0],"tilt_deg":5})";
-  for (int k = 0; k < 2000; ++k) {
-    std::string body = good;
-    for (int n = 1 + static_cast<int>(random() % 4); n > 0; --n)
-      body[random() % body.size()] = static_cast<char>(random() % 256);
-    const Response r = site.answer({"POST", "/0/pose", "127.0.0.1:4711", "", body}, kPort);
-    EXPECT_EQ(r.status, 200);
-    EXPECT_TRUE(json::accept(r.body)) << body;
-  }
+  answers_damaged(site, "/0/pose", R"({"sets":{"base.radius_mm":"55"},"pose":[1,2,75,0,0,0],"tilt_deg":5})");
 }
 
 // A page that was given is another file by the time it is asked for.
@@ -567,16 +570,7 @@ TEST(Site, BearsAnyQuestionAboutRows) {
     EXPECT_EQ(r.status, 200);
     EXPECT_THAT(json::parse(r.body).value("error", ""), HasSubstr("VW120")) << body << r.body;
   }
-  std::mt19937 random(1);
-  const std::string good = R"({"from":140,"file":"2049-131","time_s":0.01})";
-  for (int k = 0; k < 2000; ++k) {
-    std::string body = good;
-    for (int n = 1 + static_cast<int>(random() % 4); n > 0; --n)
-      body[random() % body.size()] = static_cast<char>(random() % 256);
-    const Response r = site.answer({"POST", "/0/rows", "127.0.0.1:4711", "", body}, kPort);
-    EXPECT_EQ(r.status, 200);
-    EXPECT_TRUE(json::accept(r.body)) << body;
-  }
+  answers_damaged(site, "/0/rows", R"({"from":140,"file":"2049-131","time_s":0.01})");
 }
 
 }  // namespace

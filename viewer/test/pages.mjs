@@ -68,14 +68,19 @@ const browser = await chromium.launch({
 });
 const axe = readFileSync(join(here, '../node_modules/axe-core/axe.min.js'), 'utf8');
 
-/** A page in a window of its own; `seen` collects what it says and asks for. */
-async function open(file, options = {}, before = undefined) {
-  const context = await browser.newContext({ viewport: { width: 1200, height: 900 }, ...options });
-  const page = await context.newPage();
+/** What a page says on the console and asks for, from now on. */
+function heard(page) {
   const seen = { messages: [], requests: [] };
   page.on('console', (m) => ['error', 'warning'].includes(m.type()) && seen.messages.push(m.text()));
   page.on('pageerror', (e) => seen.messages.push(String(e)));
   page.on('request', (q) => seen.requests.push(q.url()));
+  return seen;
+}
+/** A page in a window of its own; `seen` collects what it says and asks for. */
+async function open(file, options = {}, before = undefined) {
+  const context = await browser.newContext({ viewport: { width: 1200, height: 900 }, ...options });
+  const page = await context.newPage();
+  const seen = heard(page);
   if (before) await page.addInitScript(before);
   await page.goto(`file://${file}`);
   return { context, page, seen };
@@ -421,10 +426,7 @@ async function served(name, address, act) {
   for (const width of [1200, 390]) {
     const context = await browser.newContext({ viewport: { width, height: 900 } });
     const page = await context.newPage();
-    const messages = [], requests = [];
-    page.on('console', (m) => ['error', 'warning'].includes(m.type()) && messages.push(m.text()));
-    page.on('pageerror', (e) => messages.push(String(e)));
-    page.on('request', (q) => requests.push(q.url()));
+    const { messages, requests } = heard(page);
     await page.goto(address);
     check(name, (await page.waitForSelector('figure.scene.live', { timeout: 20000 }).catch(() => null)) !== null, 'its scene does not come alive');
     if (width === 1200) await act(page);
@@ -517,10 +519,7 @@ async function theServer() {
   check(name, /^http:\/\/127\.0\.0\.1:\d+\/$/.test(address), `it prints ${address}`);
   const context = await browser.newContext({ viewport: { width: 1200, height: 900 } });
   const page = await context.newPage();
-  const messages = [], requests = [];
-  page.on('console', (m) => ['error', 'warning'].includes(m.type()) && messages.push(m.text()));
-  page.on('pageerror', (e) => messages.push(String(e)));
-  page.on('request', (q) => requests.push(q.url()));
+  const { messages, requests } = heard(page);
   await page.goto(address);
   check(name, (await page.waitForSelector('figure.scene.live', { timeout: 20000 }).catch(() => null)) !== null, 'its scene does not come alive');
   const settled = () => page.waitForFunction(() => document.querySelector('#live dl')?.textContent.includes('condition'), null, { timeout: 10000 });

@@ -23,8 +23,8 @@ struct RecordNews {
   bool anew = false;       ///< it is another file than before, or one that was begun anew: forget what was read
   RecordPlace next;        ///< where to go on
   std::uint64_t size = 0;  ///< bytes of the file
-  std::uint64_t skipped =
-      0;  ///< bytes before the rows that are left out, because the file has grown by more than `most`
+  /// Bytes before the rows that are left out, because the file has grown by more than `most`.
+  std::uint64_t skipped = 0;
   std::uint64_t unfinished = 0;  ///< bytes of a last line that has no end yet
   std::vector<RecordRow> rows;
   std::size_t refused = 0;  ///< rows that cannot be read; they are left out

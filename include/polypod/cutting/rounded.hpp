@@ -11,6 +11,9 @@ namespace polypod::cutting {
 /// Half the width of the cutter at the height z (m, >= 0) above its tip: with the corner radius r,
 ///   R - r + sqrt(r^2 - (r - z)^2) below r, and R above. Of a flat cutter it is R everywhere.
 double radius_at(const Cutter& cutter, double z);
+/// Its inverse: how far above the tip the edge is at the distance `radius` (m, >= 0) from the axis, m; infinite beyond
+/// R.
+double edge_height(const Cutter& cutter, double radius);
 
 /// A slice of the edges: where it is, how its edge lies, and the tooth angles at which it meets material.
 struct EdgeSlice {
