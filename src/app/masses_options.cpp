@@ -27,8 +27,7 @@ std::string in_words(const motion::Dynamics& d) {
   const std::string unread = d.not_read.empty()
                                  ? ""
                                  : fmt::format(
-                                       "; the masses in the file of stage {} are not read: write them as "
-                                       "[[dynamics.stage]]",
+                                       "; [[dynamics.stage]] stands for the masses in the file of stage {}",
                                        fmt::join(d.not_read, ", "));
   return fmt::format("gravity {}{}; mass has: {}; other parts weigh nothing{}{}", g,
                      d.gravity_given ? "" : ", assumed from how the machine stands (gravity_m_per_s2)",

@@ -6,46 +6,134 @@
 #include <filesystem>
 #include <memory>
 
+#include "interrupt.hpp"
+#include "messages.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/units.hpp"
 #include "polypod/pages/folder.hpp"
+#include "polypod/pages/machine_report.hpp"
+#include "quality_files.hpp"
+#include "survey_options.hpp"
 
 namespace polypod::app {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Options {
+  std::string subject, output;
+  std::vector<std::string> sets, errors, tolerances;
+  double noise_um = 20;
+  SurveyArguments where;
+};
+
+constexpr config::Range kNoise_um{1e-3, 1e6};
+
+Result<int> of_folder(const Options& o, const Context& context) {
+  const std::string output = o.output.empty() ? (fs::path(o.subject) / "index.html").string() : o.output;
+  const fs::path place = fs::path(output).has_parent_path() ? fs::path(output).parent_path() : fs::path(".");
+  std::error_code none;
+  if (!files::is_standard_output(output) && fs::is_directory(place, none) && !fs::equivalent(place, o.subject, none)) {
+    return fail("VW133", fmt::format("{} does not lie in {}: its links would lead nowhere", output, o.subject), {},
+                "give -o a name in that folder");
+  }
+  POLYPOD_ASSIGN(found, pages::folder_page(o.subject, fs::path(output).filename().string(), POLYPOD_VERSION));
+  POLYPOD_TRY(check_files({}, {output}, context.json));
+  if (!files::is_standard_output(output)) {
+    POLYPOD_TRY(pages::may_be_index(output));
+  }
+  POLYPOD_TRY(files::write_whole(output, found.html));
+  if (context.json) {
+    print_json({{"output", output}, {"pages", found.pages}, {"others", found.others}});
+  } else {
+    fmt::print("{}: {} page{} of results, {} other file{}\n", output, found.pages.size(),
+               found.pages.size() == 1 ? "" : "s", found.others.size(), found.others.size() == 1 ? "" : "s");
+  }
+  return kDone;
+}
+
+/// "hexapod-strut.html" of "hexapod-strut" and of "machines/hexapod-strut.toml".
+std::string page_name(const std::string& machine) {
+  return fs::path(machine).stem().string() + ".html";
+}
+
+Result<int> of_machine(const Options& o, const Context& context) {
+  POLYPOD_ASSIGN(m, machine_of(o.subject, o.sets));
+  const std::string output = o.output.empty() ? page_name(o.subject) : o.output;
+  POLYPOD_TRY(check_files({o.subject}, {output}, context.json));
+  pages::MachineReportOptions page;
+  page.assumed = o.errors.empty() && o.tolerances.empty();
+  page.given = !o.errors.empty()       ? o.errors
+               : !o.tolerances.empty() ? o.tolerances
+                                       : std::vector<std::string>{"all=0.01"};
+  POLYPOD_ASSIGN(sizes, sizes_argument(m, o.errors, o.errors.empty() ? page.given : o.tolerances));
+  page.question.tolerances = o.errors.empty();
+  page.question.sizes = std::move(sizes);
+  POLYPOD_ASSIGN(survey, o.where.options(m, context));
+  page.survey = std::move(survey);
+  page.noise_position = units::from_um(o.noise_um);
+  page.version = POLYPOD_VERSION;
+  page.command = command_line();
+  page.machine = o.subject;
+  page.sets = o.sets;
+  const char* current = "";
+  std::function<bool(double)> line;
+  page.progress = [&](const char* what, double share) {
+    if (what != current) line = progress_line(context, what);
+    current = what;
+    line(share);
+  };
+  const SingularNote singular(m, context);
+  POLYPOD_ASSIGN(made, pages::machine_report(m, page));
+  if (interrupted()) return kBadInput;
+  POLYPOD_TRY(files::write_whole(output, made.html));
+  if (context.json) {
+    Json parts = Json::array();
+    for (const pages::ReportPart& part : made.parts) {
+      parts.push_back({{"part", part.name}, {"judged", part.reason.empty()}, {"reason", part.reason}});
+    }
+    print_json(singular.in({{"output", output}, {"machine", machine::name_of(m)}, {"parts", parts}}));
+    return kDone;
+  }
+  std::string judged;
+  for (const pages::ReportPart& part : made.parts)
+    if (part.reason.empty()) judged += (judged.empty() ? "" : ", ") + part.name;
+  fmt::print("{}: {}\n", output, judged.empty() ? "the machine alone" : judged);
+  for (const pages::ReportPart& part : made.parts)
+    if (!part.reason.empty()) fmt::print("not judged, {}: {}\n", part.name, part.reason);
+  return kDone;
+}
+
+}  // namespace
 
 Command report_command() {
-  struct Options {
-    std::string folder, output;
-  };
   auto o = std::make_shared<Options>();
-  return {"report", "List the pages of results in a folder on one page, with their answers and small pictures",
-          "polypod report results",
+  return {"report", "One page of a machine with every question, or an index of the pages of a folder",
+          "polypod report hexapod-strut --tilt 20 -o hexapod.html",
           [o](Arguments& a) {
-            a.positional("DIR", o->folder, "The folder; those within it are not searched");
-            a.option("-o,--output", o->output, "The index (default: DIR/index.html)");
+            a.positional("SUBJECT", o->subject,
+                         "A folder of results (those within it are not searched), or else a machine file or a name of "
+                         "`polypod machines`");
+            a.option("-o,--output", o->output, "The page (default: DIR/index.html, or the machine's name with .html)");
+            a.option("--set", o->sets, "key=value: override a parameter of the machine (repeatable)");
+            a.option("--tolerance", o->tolerances,
+                     "KEY=mm (angles deg): of a machine's elements (repeatable, default all=0.01)");
+            a.option("--error", o->errors, "KEY=mm (angles deg): a known error instead (repeatable)");
+            a.option("--noise-um", o->noise_um, kNoise_um,
+                     "Of positions measured for a calibration, each coordinate (default 20)");
+            a.option("--rel-tol", o->where.workspace.rel_tol,
+                     "Gap between the bounds as a fraction of the volume, 1e-6 to 1 (default 0.01)");
+            o->where.declare_region(a);
           },
           [o](const Context& context) -> Result<int> {
-            namespace fs = std::filesystem;
-            const std::string output = o->output.empty() ? (fs::path(o->folder) / "index.html").string() : o->output;
-            const fs::path place = fs::path(output).has_parent_path() ? fs::path(output).parent_path() : fs::path(".");
             std::error_code none;
-            if (!files::is_standard_output(output) && fs::is_directory(o->folder, none) &&
-                fs::is_directory(place, none) && !fs::equivalent(place, o->folder, none)) {
-              return fail("VW133",
-                          fmt::format("{} does not lie in {}: its links would lead nowhere", output, o->folder), {},
-                          "give -o a name in that folder");
-            }
-            POLYPOD_ASSIGN(found, pages::folder_page(o->folder, fs::path(output).filename().string(), POLYPOD_VERSION));
-            POLYPOD_TRY(check_files({}, {output}, context.json));
-            if (!files::is_standard_output(output)) {
-              POLYPOD_TRY(pages::may_be_index(output));
-            }
-            POLYPOD_TRY(files::write_whole(output, found.html));
-            if (context.json) {
-              print_json({{"output", output}, {"pages", found.pages}, {"others", found.others}});
-            } else {
-              fmt::print("{}: {} page{} of results, {} other file{}\n", output, found.pages.size(),
-                         found.pages.size() == 1 ? "" : "s", found.others.size(), found.others.size() == 1 ? "" : "s");
-            }
-            return kDone;
+            if (!fs::is_directory(o->subject, none)) return of_machine(*o, context);
+            POLYPOD_TRY(refuse(context,
+                               {"--set", "--tolerance", "--error", "--noise-um", "--rel-tol", "--box", "--resolution",
+                                "--tilt", "--a-range", "--b-range", "--interference", "--without",
+                                "--singularity-distance", "--max-memory", "--threads"},
+                               "it serves the page of a machine, and this is a folder"));
+            return of_folder(*o, context);
           }};
 }
 

@@ -370,30 +370,74 @@ Result<std::optional<OpenTable>> dynamics_table(const std::string& path) {
 }  // namespace
 
 namespace {
-/// The stages whose own files have masses, from 1.
-Result<std::vector<int>> stages_with_own_masses(const std::string& path) {
-  std::vector<int> out;
+/// What the files of the stages say of their own masses, one a stage; empty where none has any, or where the file is no
+/// machine file. What a stage carries is the next one: the payload of all but the last is left out.
+Result<std::vector<Dynamics>> own_masses(const std::string& path, std::span<const AnyMachine> stages) {
+  std::vector<Dynamics> out(stages.size());
   std::error_code ec;
-  if (!std::filesystem::is_regular_file(path, ec)) return out;
+  if (stages.empty() || !std::filesystem::is_regular_file(path, ec)) return std::vector<Dynamics>{};
+  POLYPOD_ASSIGN(file, config::read_file(path));
+  if (!file.has("family")) return std::vector<Dynamics>{};
   POLYPOD_ASSIGN(whole, machine::whole_table(path));
-  POLYPOD_ASSIGN(stages, whole.tables("stage"));
-  for (std::size_t k = 0; k < stages.size(); ++k) {
-    POLYPOD_ASSIGN(own, stages[k].table("machine"));
-    if (own.has("dynamics")) out.push_back(static_cast<int>(k + 1));
+  POLYPOD_ASSIGN(tables, whole.tables("stage"));
+  bool any = false;
+  for (std::size_t k = 0; k < std::min(tables.size(), stages.size()); ++k) {
+    POLYPOD_ASSIGN(own, tables[k].table("machine"));
+    POLYPOD_ASSIGN(table, own.optional_table("dynamics"));
+    if (!table) continue;
+    POLYPOD_ASSIGN(read, dynamics_from(*table, stages[k]));
+    out[k] = std::move(read);
+    if (k + 1 < stages.size()) out[k].payload.reset();
+    any = true;
   }
-  return out;
+  return any ? out : std::vector<Dynamics>{};
+}
+
+/// The numbers of the drives of all stages in one list, 0 where a stage has none; empty where none has any.
+std::vector<double> of_all_drives(const std::vector<Dynamics>& own, std::span<const AnyMachine> stages,
+                                  std::vector<double> Dynamics::*numbers) {
+  std::vector<double> out;
+  bool any = false;
+  for (std::size_t k = 0; k < own.size(); ++k) {
+    const std::vector<double>& given = own[k].*numbers;
+    const auto n = static_cast<std::size_t>(kinematics::joint_count(stages[k]));
+    any = any || !given.empty();
+    for (std::size_t i = 0; i < n; ++i) out.push_back(given.empty() ? 0 : given[given.size() == 1 ? 0 : i]);
+  }
+  return any ? out : std::vector<double>{};
+}
+
+/// Takes the masses of the stages' own files where the table of the whole has none of stages.
+void take(std::vector<Dynamics> own, std::span<const AnyMachine> stages, Dynamics& out) {
+  if (!out.stages.empty()) {
+    for (std::size_t k = 0; k < own.size(); ++k)
+      if (!own[k].parts_with_mass().empty()) out.not_read.push_back(static_cast<int>(k + 1));
+    return;
+  }
+  for (const auto numbers : {&Dynamics::drive, &Dynamics::friction, &Dynamics::viscous})
+    if ((out.*numbers).empty()) out.*numbers = of_all_drives(own, stages, numbers);
+  for (Dynamics& stage : own) {
+    stage.drive.clear();
+    stage.friction.clear();
+    stage.viscous.clear();
+  }
+  out.stages = std::move(own);
 }
 }  // namespace
 
 Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine) {
+  const std::span<const AnyMachine> stages = std::visit([](const auto& m) { return stages_with_mass(m); }, machine);
   POLYPOD_ASSIGN(open, dynamics_table(path));
-  if (!open) return std::optional<Dynamics>{};
-  POLYPOD_ASSIGN(out, dynamics_from(open->table, machine));
-  const bool in_series = !std::visit([](const auto& m) { return stages_with_mass(m); }, machine).empty();
-  if (in_series && open->file.has("family")) {
-    POLYPOD_ASSIGN(own, stages_with_own_masses(path));
-    out.not_read = std::move(own);
+  POLYPOD_ASSIGN(own, own_masses(path, stages));
+  if (!open && own.empty()) return std::optional<Dynamics>{};
+  Dynamics out;
+  if (open) {
+    POLYPOD_ASSIGN(read, dynamics_from(open->table, machine));
+    out = std::move(read);
+  } else if (kinematics::hangs_down(machine)) {
+    out.gravity = -out.gravity;
   }
+  take(std::move(own), stages, out);
   return std::optional<Dynamics>(std::move(out));
 }
 

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "compliance_figures.hpp"
+#include "parts.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/pages/compliance_map.hpp"
 #include "polypod/report/html.hpp"
@@ -83,7 +84,6 @@ using report::Table;
 using report::Verdict;
 using units::to_um;
 
-using Entries = std::vector<std::pair<std::string, std::string>>;
 using Kind = Field::Kind;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
@@ -188,16 +188,30 @@ std::vector<double> along(const LoadedPath& path, const Vec3& direction, int joi
   return out;
 }
 
-class Page {
- public:
-  Page(const ComplianceMap& map, const ComplianceMapPageOptions& options)
-      : map_(map),
-        options_(options),
-        figures_(map),
-        compliant_(statics::has_compliance(map.machine)),
-        report_(title(), subtitle(), facts()) {}
+/// "joint" or "leg".
+std::string column_word(const ComplianceMap& map) {
+  const std::string name = statics::column_names(map.machine).front();
+  return name.substr(0, name.find(' '));
+}
 
-  std::string html() {
+Entries facts_of(const ComplianceMap& map, const std::string& version) {
+  const statics::PlaneAxes axes = statics::axes_of(map.plane);
+  Entries out{{"plane", shown_place(map) + ", in the machine's frame M"},
+              {std::string(1, "xyz"[axes.u]), range_mm(map.rectangle.u)},
+              {std::string(1, "xyz"[axes.v]), range_mm(map.rectangle.v)}};
+  if (!map.angles_deg.empty()) out.emplace_back("orientation", orientation_of(map));
+  out.emplace_back("grid", fmt::format("{} × {} points", map.map.grid.columns, map.map.grid.rows));
+  if (map.measured) out.emplace_back("measurements", map.measured->files);
+  if (!version.empty()) out.emplace_back("made with", "Polypod " + version);
+  return out;
+}
+
+class CompliancePart {
+ public:
+  CompliancePart(Report& report, const ComplianceMap& map)
+      : map_(map), figures_(map), compliant_(statics::has_compliance(map.machine)), report_(report) {}
+
+  void add() {
     glance();
     if (map_.measured) measured();
     if (compliant_) compliances();
@@ -205,33 +219,10 @@ class Page {
     if (compliant_) joints();
     paths();
     reading();
-    return report_.to_html();
   }
 
  private:
-  [[nodiscard]] std::string title() const { return "Compliance map of " + machine::name_of(map_.machine); }
-  [[nodiscard]] std::string subtitle() const {
-    return fmt::format(
-        "Deflection of the tool centre point (TCP, tool tip) per newton over the plane {}, and which {} contributes "
-        "most",
-        shown_place(map_), compliant_ ? word() : "joint");
-  }
-  /// "joint" or "leg".
-  [[nodiscard]] std::string word() const {
-    const std::string name = statics::column_names(map_.machine).front();
-    return name.substr(0, name.find(' '));
-  }
-  [[nodiscard]] Entries facts() const {
-    Entries out{{"plane", shown_place(map_) + ", in the machine's frame M"},
-                {std::string(1, "xyz"[axes_.u]), range_mm(map_.rectangle.u)},
-                {std::string(1, "xyz"[axes_.v]), range_mm(map_.rectangle.v)}};
-    if (!map_.angles_deg.empty()) out.emplace_back("orientation", orientation_of(map_));
-    out.emplace_back("grid", fmt::format("{} × {} points", map_.map.grid.columns, map_.map.grid.rows));
-    if (map_.measured) out.emplace_back("measurements", map_.measured->files);
-    if (!options_.version.empty()) out.emplace_back("made with", "Polypod " + options_.version);
-    return out;
-  }
-
+  [[nodiscard]] std::string word() const { return column_word(map_); }
   [[nodiscard]] std::string where(int point) const {
     const Vec3& p = map_.map.points[static_cast<std::size_t>(point)].p_M;
     const auto hundredths = [](double metres) { return given(std::round(tidy_mm(metres) * 100) / 100); };
@@ -239,7 +230,7 @@ class Page {
   }
 
   void glance() {
-    report_.add_section("At a glance");
+    report_.add_section("Deflection per newton");
     if (map_.measured) {
       report_.add_verdict(explained(*map_.measured) ? Verdict::good : Verdict::neutral,
                           measured_verdict(map_, false) + ".");
@@ -509,7 +500,7 @@ class Page {
   }
 
   void reading() {
-    report_.add_section("What this rests on");
+    report_.add_section("What the compliances rest on");
     std::vector<std::string> items;
     const std::string description = machine::description_of(map_.machine);
     if (!description.empty()) items.push_back(description + ".");
@@ -531,15 +522,13 @@ class Page {
         "Colours are interpolated between the points of the grid; the table and the files hold the "
         "points themselves.");
     report_.add_list(items);
-    if (!options_.command.empty()) report_.add_code("The command that made this page", options_.command, false);
   }
 
   const ComplianceMap& map_;
-  ComplianceMapPageOptions options_;
   Figures figures_;
   bool compliant_;
   statics::PlaneAxes axes_ = statics::axes_of(map_.plane);
-  Report report_;
+  Report& report_;
 };
 
 }  // namespace
@@ -564,7 +553,19 @@ report::Figure map_picture(const ComplianceMap& map) {
 }
 
 std::string compliance_map_page(const ComplianceMap& map, const ComplianceMapPageOptions& options) {
-  return Page(map, options).html();
+  Report report("Compliance map of " + machine::name_of(map.machine),
+                fmt::format("Deflection of the tool centre point (TCP, tool tip) per newton over the plane {}, and "
+                            "which {} contributes most",
+                            shown_place(map), statics::has_compliance(map.machine) ? column_word(map) : "joint"),
+                facts_of(map, options.version));
+  add_compliance_map(report, map);
+  if (!options.command.empty()) report.add_code("The command that made this page", options.command, false);
+  return report.to_html();
+}
+
+Entries add_compliance_map(Report& report, const ComplianceMap& map) {
+  CompliancePart(report, map).add();
+  return facts_of(map, "");
 }
 
 }  // namespace polypod::pages

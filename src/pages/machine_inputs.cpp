@@ -21,7 +21,10 @@ std::vector<std::pair<std::string, std::string>> sources_of(const machine::AnyMa
   return out;
 }
 
-void add_machine_inputs(report::Report& report, const machine::AnyMachine& machine, const std::string& command) {
+void add_inputs(report::Report& report, const machine::AnyMachine& machine,
+                const std::vector<std::pair<std::string, std::string>>& asked, const std::string& command) {
+  report.add_section("Inputs");
+  report.add_definitions(asked);
   report.add_heading("Machine");
   if (const std::string about = machine::description_of(machine); !about.empty()) report.add_text(about);
   report.add_definitions(figures_of(machine));

@@ -15,7 +15,9 @@ namespace polypod::pages {
 std::vector<std::pair<std::string, std::string>> figures_of(const machine::AnyMachine& machine);
 std::vector<std::pair<std::string, std::string>> sources_of(const machine::AnyMachine& machine);
 
-/// The machine's description, figures, sources and file, and the command that made the page where it is given.
-void add_machine_inputs(report::Report& report, const machine::AnyMachine& machine, const std::string& command);
+/// A section of what was asked, the machine's description, figures, sources and file, and the command that made the
+/// page where it is given.
+void add_inputs(report::Report& report, const machine::AnyMachine& machine,
+                const std::vector<std::pair<std::string, std::string>>& asked, const std::string& command);
 
 }  // namespace polypod::pages

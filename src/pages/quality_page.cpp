@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +10,7 @@
 #include "ellipsoid_lines.hpp"
 #include "machine_inputs.hpp"
 #include "machine_lines.hpp"
+#include "parts.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -36,7 +38,6 @@ using report::Report;
 using report::Verdict;
 using units::to_deg;
 using units::to_mm;
-using Entries = std::vector<std::pair<std::string, std::string>>;
 
 constexpr double kSingularCondition = 1000;  // a direction above counts as near singular
 constexpr std::size_t kShown = 14;           // bars in a chart
@@ -172,22 +173,31 @@ void colour_by(report::Scene& scene, report::Mesh& mesh, const std::vector<doubl
   mesh.value = values;
 }
 
-class Page {
+/// The errors or tolerances as the user wrote them.
+std::string given_of(const QualityPageOptions& page) {
+  return fmt::format("{}", fmt::join(page.given, ", "));
+}
+std::string directions_of(const AnyMachine& machine, const SurveyOptions& options, const quality::Survey& survey) {
+  const auto& d = options.workspace.directions;
+  if (!survey.task.places()) return "those of the task's coordinates";
+  if (kinematics::orientation_follows(machine)) return "the tilt of the tool that follows from its position";
+  if (survey.orientations.size() == 1) return "tool at zero tilt (R = 1)";
+  if (d.is_ranges()) return fmt::format("{} over the ranges of A and B", survey.orientations.size());
+  return fmt::format("{}, tilts up to {} deg", survey.orientations.size(), plain(to_deg(d.tilt)));
+}
+const char* kind_of(const QualityQuestion& question) {
+  return question.tolerances ? "tolerances, mm or deg" : "errors, mm or deg";
+}
+
+class QualityPart {
  public:
-  Page(const AnyMachine& machine, const SurveyOptions& options, const QualityQuestion& question,
-       const QualityFields& fields, const QualityPageOptions& page)
-      : machine_(machine),
-        options_(options),
-        question_(question),
-        fields_(fields),
-        page_(page),
-        report_("Quality of " + machine::name_of(machine),
-                "How far errors of its parts put the tool off, and how well its joints and its tool move each other",
-                facts()) {
+  QualityPart(Report& report, const AnyMachine& machine, const SurveyOptions& options, const QualityQuestion& question,
+              const QualityFields& fields, const QualityPageOptions& page)
+      : machine_(machine), options_(options), question_(question), fields_(fields), page_(page), report_(report) {
     options_.progress = nullptr;
   }
 
-  Result<std::string> html() {
+  Result<Entries> add() {
     POLYPOD_TRY(measure());
     answer();
     error_maps();
@@ -196,24 +206,10 @@ class Page {
     conditioning();
     near_singular();
     POLYPOD_TRY(in_space());
-    inputs();
-    return report_.to_html();
+    return inputs();
   }
 
  private:
-  [[nodiscard]] std::string given() const {
-    std::string out;
-    for (const std::string& g : page_.given) out += (out.empty() ? "" : ", ") + g;
-    return out;
-  }
-  [[nodiscard]] std::string directions() const {
-    const auto& d = options_.workspace.directions;
-    if (!fields_.survey.task.places()) return "those of the task's coordinates";
-    if (kinematics::orientation_follows(machine_)) return "the tilt of the tool that follows from its position";
-    if (fields_.survey.orientations.size() == 1) return "tool at zero tilt (R = 1)";
-    if (d.is_ranges()) return fmt::format("{} over the ranges of A and B", fields_.survey.orientations.size());
-    return fmt::format("{}, tilts up to {} deg", fields_.survey.orientations.size(), plain(to_deg(d.tilt)));
-  }
   /// Whether errors turn the tool at all: those of a delta do not.
   [[nodiscard]] bool turns() const {
     return kinematics::task(machine_) != machine::Task::point || kinematics::orientation_follows(machine_);
@@ -228,17 +224,6 @@ class Page {
     return out;
   }
   [[nodiscard]] bool one_direction() const { return fields_.survey.orientations.size() == 1; }
-  [[nodiscard]] Entries facts() const {
-    Entries out{{"machine", page_.machine.empty() ? machine::name_of(machine_) : page_.machine},
-                {"family", machine::family_of(machine_)},
-                {question_.tolerances ? "tolerances, mm or deg" : "errors, mm or deg", given()},
-                {"tool directions", directions()},
-                {"points", fixed(static_cast<double>(fields_.survey.inside.size()), 0)}};
-    for (const std::string& set : page_.sets) out.emplace_back("changed", set);
-    if (!page_.version.empty()) out.emplace_back("made with", "Polypod " + page_.version);
-    return out;
-  }
-
   Status measure() {
     middle_ = middle_of(fields_.survey);
     const quality::ErrorField& errors = fields_.errors;
@@ -296,14 +281,14 @@ class Page {
       return fmt::format(
           "With the errors {} the largest error of the tip that was seen is {} mm and that of the orientation {} mrad; "
           "on average over the workspace {} mm and {} mrad.",
-          given(), shown(most), shown(most_turned), shown(p.mean), shown(o.mean));
+          given_of(page_), shown(most), shown(most_turned), shown(p.mean), shown(o.mean));
     }
     return fmt::format(
         "The largest error of the tip that was seen, whatever the parts do within {}, is {} mm, and the largest of the "
         "orientation {} mrad: at {} points of the workspace and between the worst of them. Each is exact at its pose; "
         "poses that were not looked at may have more. At a point of the workspace the worst case is {} mm and {} mrad "
         "on average.",
-        given(), shown(most), shown(most_turned), fields_.survey.inside.size(), shown(p.mean), shown(o.mean));
+        given_of(page_), shown(most), shown(most_turned), fields_.survey.inside.size(), shown(p.mean), shown(o.mean));
   }
 
   void answer() {
@@ -645,7 +630,7 @@ class Page {
     colour_by(scene, mesh, on_border, range_of(on_border), "mm");
     scene.meshes.push_back(std::move(mesh));
     scene.lines = singular_points();
-    report_.add_section("In space");
+    report_.add_section("Errors in space");
     report::Scene turns = scene;
     const std::vector<report::Line3> machine = machine_at(machine_, start_pose(machine_)).lines;
     turns.lines.insert(turns.lines.begin(), machine.begin(), machine.end());
@@ -715,10 +700,9 @@ class Page {
     return out;
   }
 
-  void inputs() {
-    report_.add_section("Inputs");
-    Entries entries{{"tool directions", directions()},
-                    {question_.tolerances ? "tolerances, mm or deg" : "errors, mm or deg", given()},
+  [[nodiscard]] Entries inputs() const {
+    Entries entries{{"tool directions of the errors", directions_of(machine_, options_, fields_.survey)},
+                    {kind_of(question_), given_of(page_)},
                     {"points of the workspace", fixed(static_cast<double>(fields_.survey.inside.size()), 0)},
                     {"spacing", spacing()},
                     {"points a side of a section", fixed(page_.resolution, 0)}};
@@ -728,8 +712,7 @@ class Page {
                                          : "search (JEL 5.3): never above exact");
       entries.emplace_back("region of a joint", question_.tolerance.region == quality::Region::box ? "box" : "sphere");
     }
-    report_.add_definitions(entries);
-    add_machine_inputs(report_, machine_, page_.command);
+    return entries;
   }
 
   const AnyMachine& machine_;
@@ -737,7 +720,7 @@ class Page {
   const QualityQuestion& question_;
   const QualityFields& fields_;
   const QualityPageOptions& page_;
-  Report report_;
+  Report& report_;
   Vec3 middle_ = Vec3::Zero();
   Extreme worst_, worst_turned_;
   std::optional<Extreme> once_;  ///< with one element a joint
@@ -749,7 +732,25 @@ class Page {
 Result<std::string> quality_page(const AnyMachine& machine, const SurveyOptions& options,
                                  const QualityQuestion& question, const QualityFields& fields,
                                  const QualityPageOptions& page) {
-  return Page(machine, options, question, fields, page).html();
+  Entries facts{{"machine", page.machine.empty() ? machine::name_of(machine) : page.machine},
+                {"family", machine::family_of(machine)},
+                {kind_of(question), given_of(page)},
+                {"tool directions", directions_of(machine, options, fields.survey)},
+                {"points", fixed(static_cast<double>(fields.survey.inside.size()), 0)}};
+  for (const std::string& set : page.sets) facts.emplace_back("changed", set);
+  if (!page.version.empty()) facts.emplace_back("made with", "Polypod " + page.version);
+  Report report("Quality of " + machine::name_of(machine),
+                "How far errors of its parts put the tool off, and how well its joints and its tool move each other",
+                facts);
+  POLYPOD_ASSIGN(inputs, add_quality(report, machine, options, question, fields, page));
+  add_inputs(report, machine, inputs, page.command);
+  return report.to_html();
+}
+
+Result<Entries> add_quality(Report& report, const AnyMachine& machine, const SurveyOptions& options,
+                            const QualityQuestion& question, const QualityFields& fields,
+                            const QualityPageOptions& page) {
+  return QualityPart(report, machine, options, question, fields, page).add();
 }
 
 }  // namespace polypod::pages

@@ -10,6 +10,7 @@
 #include "machine_inputs.hpp"
 #include "machine_lines.hpp"
 #include "moving_machine.hpp"
+#include "parts.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/pages/machine.hpp"
@@ -26,7 +27,6 @@ using report::Verdict;
 using workspace::Options;
 using workspace::Section;
 using workspace::Volume;
-using Entries = std::vector<std::pair<std::string, std::string>>;
 
 /// "z, A and B".
 std::string names_of(const machine::Task& task) {
@@ -61,22 +61,22 @@ std::string size_in_words(const machine::Task& task, const Volume& region) {
       names_of(task), measure(size.measure), powers(size.unit), measure(size.lower), measure(size.upper));
 }
 
-class RegionPage {
+class RegionPart {
  public:
-  RegionPage(const AnyMachine& machine, const Options& options, const Volume& region, const WorkspacePageOptions& page)
+  RegionPart(report::Report& report, const AnyMachine& machine, const Options& options, const Volume& region,
+             const WorkspacePageOptions& page)
       : machine_(machine),
         options_(options),
         region_(region),
         page_(page),
         task_(kinematics::task(machine)),
         size_(workspace::region_of(task_, region.volume, region.lower, region.upper)),
-        report_(fmt::format("Workspace of {}", machine::name_of(machine)),
-                fmt::format("Which {} the tool reaches, and what stops it beyond", names_of(task_)), facts()) {
+        report_(report) {
     options_.progress = nullptr;
     options_.keep_cells = false;
   }
 
-  Result<std::string> html() {
+  Result<Entries> add() {
     if (!region_.reached && (region_.empty || !region_.proven)) {
       return fail("WS131", "nothing was found to be reached: there is nothing to show");
     }
@@ -85,14 +85,10 @@ class RegionPage {
     machine_at_home();
     sections();
     POLYPOD_TRY(limits());
-    inputs();
-    return report_.to_html();
+    return inputs();
   }
 
  private:
-  [[nodiscard]] Entries facts() const {
-    return facts_of(machine_, page_, {"coordinates of the task", names_of(task_)});
-  }
   [[nodiscard]] const char* unit(int coordinate) const { return workspace::unit_of(task_, coordinate); }
   [[nodiscard]] double shown(int coordinate, double value) const { return units::to_user(value, unit(coordinate)); }
 
@@ -164,7 +160,7 @@ class RegionPage {
     constexpr int kPictures = 31;
     turns.frames = moving.sweeps(low, high, tilt, kPictures);
     if (kinematics::hangs_down(machine_)) hang(turns);
-    report_.add_section("The machine");
+    report_.add_section("The machine in space");
     report_.add_scene(scene,
                       std::string("The machine at home; coordinates and joints turn it.") +
                           (kinematics::hangs_down(machine_) ? " The base is above: z of the machine points down." : ""),
@@ -173,7 +169,7 @@ class RegionPage {
 
   void sections() {
     if (sections_.empty()) return;
-    report_.add_section("Sections");
+    report_.add_section("Sections of the workspace");
     report_.add_text(sections_.size() == 1
                          ? "The deeper the colour, the farther the machine is inside the limits; the colour says which "
                            "limit is the nearest."
@@ -244,8 +240,7 @@ class RegionPage {
     return {};
   }
 
-  void inputs() {
-    report_.add_section("Inputs");
+  [[nodiscard]] Entries inputs() const {
     Entries entries{
         {"tolerance of the size", fmt::format("{:.6g} %", 100 * options_.relative_tolerance)},
         {region_.proven ? "boxes examined" : "points examined", report::fixed(static_cast<double>(region_.points), 0)},
@@ -255,8 +250,7 @@ class RegionPage {
     for (int i = 0; i < static_cast<int>(kinematics::limit_table(machine_).size()); ++i)
       if ((~options_.limits >> i & 1U) != 0) off.insert(workspace::limit_kind(machine_, i));
     for (const std::string& kind : off) entries.emplace_back("switched off", kind);
-    report_.add_definitions(entries);
-    add_machine_inputs(report_, machine_, page_.command);
+    return entries;
   }
 
   const AnyMachine& machine_;
@@ -266,7 +260,7 @@ class RegionPage {
   machine::Task task_;
   workspace::Region size_;
   std::string unit_ = powers(size_.unit);
-  report::Report report_;
+  report::Report& report_;
   std::vector<Section> sections_;
   Kinds kinds_{machine_, {}};
 };
@@ -285,7 +279,23 @@ std::string region_in_words(const AnyMachine& machine, const Options& options, c
 
 Result<std::string> region_page(const AnyMachine& machine, const Options& options, const Volume& region,
                                 const WorkspacePageOptions& page) {
-  return RegionPage(machine, options, region, page).html();
+  const std::string names = names_of(kinematics::task(machine));
+  report::Report report(fmt::format("Workspace of {}", machine::name_of(machine)),
+                        fmt::format("Which {} the tool reaches, and what stops it beyond", names),
+                        facts_of(machine, page, {"coordinates of the task", names}));
+  POLYPOD_ASSIGN(inputs, add_region(report, machine, options, region, page));
+  add_inputs(report, machine, inputs, page.command);
+  return report.to_html();
+}
+
+std::pair<std::string, std::string> region_figure(const machine::Task& task, const Volume& region) {
+  const workspace::Region size = workspace::region_of(task, region.volume, region.lower, region.upper);
+  return {measure(size.measure), powers(size.unit)};
+}
+
+Result<Entries> add_region(report::Report& report, const AnyMachine& machine, const Options& options,
+                           const Volume& region, const WorkspacePageOptions& page) {
+  return RegionPart(report, machine, options, region, page).add();
 }
 
 }  // namespace polypod::pages

@@ -12,6 +12,7 @@
 #include "machine_inputs.hpp"
 #include "machine_lines.hpp"
 #include "moving_machine.hpp"
+#include "parts.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -40,7 +41,6 @@ using workspace::Options;
 using workspace::Section;
 using workspace::Surface;
 using workspace::Volume;
-using Entries = std::vector<std::pair<std::string, std::string>>;
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -144,22 +144,16 @@ struct VolumeUnit {
   }
 };
 
-class Page {
+class Part {
  public:
-  Page(const AnyMachine& machine, const Options& options, const Volume& volume, const WorkspacePageOptions& page)
-      : machine_(machine),
-        options_(options),
-        volume_(volume),
-        page_(page),
-        report_(fmt::format("Workspace of {}", machine::name_of(machine)),
-                fmt::format("Which points the tool centre point (TCP, tool tip) reaches {}, and what stops it beyond",
-                            directions_of(machine, options)),
-                facts()) {
+  Part(Report& report, const AnyMachine& machine, const Options& options, const Volume& volume,
+       const WorkspacePageOptions& page)
+      : machine_(machine), options_(options), volume_(volume), page_(page), report_(report) {
     options_.progress = nullptr;
     options_.keep_cells = false;
   }
 
-  Result<std::string> html() {
+  Result<Entries> add() {
     if (!volume_.proven && !volume_.reached) {
       return fail("WS131", "the sample found no point that is reached: there is nothing to show", {},
                   "ask for less tilt");
@@ -169,23 +163,17 @@ class Page {
       report_.add_verdict(Verdict::bad,
                           fmt::format("No point is reachable {}. This is proven.", directions_of(machine_, options_)));
       POLYPOD_TRY(volume_against_tilt());
-      inputs();
-      return report_.to_html();
+      return inputs();
     }
     POLYPOD_TRY(measure());
     answer();
     pictures();
     POLYPOD_TRY(volume_against_tilt());
     POLYPOD_TRY(limits());
-    inputs();
-    return report_.to_html();
+    return inputs();
   }
 
  private:
-  [[nodiscard]] Entries facts() const {
-    return facts_of(machine_, page_, {"tool directions", directions_of(machine_, options_)});
-  }
-
   [[nodiscard]] std::function<void(double)> stage(const char* what) const {
     return [this, what](double share) {
       if (page_.progress) page_.progress(what, share);
@@ -280,7 +268,7 @@ class Page {
   }
 
   void pictures() {
-    report_.add_section("In space");
+    report_.add_section("The workspace in space");
     const MachineAt start = machine_at(machine_, start_pose(machine_));
     report::Scene scene = scene_of(surface_, kinds_, start);
     report::Scene turns = scene;
@@ -301,7 +289,7 @@ class Page {
                             ? " The base is above: z of the machine points down, here and in the sections."
                             : ""),
         &turns);
-    report_.add_section("Sections");
+    report_.add_section("Sections of the workspace");
     if (!tilts()) {
       report_.add_text(
           "Three planes through the middle of the workspace. The deeper the colour, the farther the tool is inside the "
@@ -515,8 +503,7 @@ class Page {
     return {};
   }
 
-  void inputs() {
-    report_.add_section("Inputs");
+  [[nodiscard]] Entries inputs() const {
     Entries entries{{"tool directions", directions_of(machine_, options_)},
                     {"tolerance of the volume", given(100 * options_.relative_tolerance) + " %"},
                     {"boxes examined", fixed(static_cast<double>(volume_.points), 0)},
@@ -528,8 +515,7 @@ class Page {
       if ((off >> i & 1U) != 0 && !kinds_of_bits_[static_cast<std::size_t>(i)].empty())
         off_kinds.insert(kinds_of_bits_[static_cast<std::size_t>(i)]);
     for (const std::string& kind : off_kinds) entries.emplace_back("switched off", kind);
-    report_.add_definitions(entries);
-    add_machine_inputs(report_, machine_, page_.command);
+    return entries;
   }
 
   [[nodiscard]] std::string capital() const {
@@ -542,7 +528,7 @@ class Page {
   Options options_;
   const Volume& volume_;
   const WorkspacePageOptions& page_;
-  Report report_;
+  Report& report_;
   Surface surface_;
   Vec3 middle_ = Vec3::Zero();
   workspace::Extent upright_box_;  ///< of what is reached with R = 1; empty before it is found
@@ -667,7 +653,23 @@ std::string extent_text(const Volume& v, int axis, const char* unit_of_axis) {
 
 Result<std::string> workspace_page(const AnyMachine& machine, const Options& options, const Volume& volume,
                                    const WorkspacePageOptions& page) {
-  return Page(machine, options, volume, page).html();
+  Report report(fmt::format("Workspace of {}", machine::name_of(machine)),
+                fmt::format("Which points the tool centre point (TCP, tool tip) reaches {}, and what stops it beyond",
+                            directions_of(machine, options)),
+                facts_of(machine, page, {"tool directions", directions_of(machine, options)}));
+  POLYPOD_ASSIGN(inputs, add_workspace(report, machine, options, volume, page));
+  add_inputs(report, machine, inputs, page.command);
+  return report.to_html();
+}
+
+std::pair<std::string, std::string> volume_figure(const Volume& volume) {
+  const VolumeUnit unit(volume.volume);
+  return {unit.text(volume.volume), unit.name};
+}
+
+Result<Entries> add_workspace(Report& report, const AnyMachine& machine, const Options& options, const Volume& volume,
+                              const WorkspacePageOptions& page) {
+  return Part(report, machine, options, volume, page).add();
 }
 
 }  // namespace polypod::pages

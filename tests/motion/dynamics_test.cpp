@@ -543,5 +543,49 @@ TEST(Dynamics, GravityFollowsHowTheMachineStands) {
   }
 }
 
+// Where the table of the whole has no stages, the files of the stages say what moves.
+TEST(Dynamics, StagesBringTheirOwnMasses) {
+  const std::string head = "name = \"gantry\"\nfamily = \"stages\"\ntask = [\"x\", \"y\", \"z\"]\n";
+  const auto stages = [](const std::string& first, const std::string& second) {
+    return "[[stage]]\nhome = [0, 0]\n[stage.machine]\nfamily = \"serial\"\n"
+           "dh = [ { joint = \"prismatic\", alpha_deg = -90 }, { joint = \"prismatic\" } ]\n"
+           "base = { b_deg = 90 }\ntool = { a_deg = 90, c_deg = -90 }\n"
+           "limits = [ { min_mm = -500, max_mm = 500 }, { min_mm = -400, max_mm = 400 } ]\n" +
+           first +
+           "[[stage]]\n[stage.machine]\nfamily = \"serial\"\ndh = [ { joint = \"prismatic\" } ]\n"
+           "limits = [ { min_mm = 0, max_mm = 300 } ]\n" +
+           second;
+  };
+  const std::string own_first =
+      "[stage.machine.dynamics]\nlink = [ { mass_kg = 90 }, { mass_kg = 30 } ]\npayload = { mass_kg = 77 }\n"
+      "friction = [5, 6]\ngravity_m_per_s2 = [1, 2, 3]\n";
+  const std::string own_second =
+      "[stage.machine.dynamics]\nlink = [ { mass_kg = 20 } ]\nplatform = { mass_kg = 4 }\ndrive_inertia = 0.2\n";
+  const std::string of_whole =
+      "[dynamics]\nfriction = [5, 6, 0]\ndrive_inertia = [0, 0, 0.2]\n"
+      "[[dynamics.stage]]\nlink = [ { mass_kg = 90 }, { mass_kg = 30 } ]\n"
+      "[[dynamics.stage]]\nlink = [ { mass_kg = 20 } ]\nplatform = { mass_kg = 4 }\n";
+  const auto forces = [](const std::string& path) {
+    const AnyMachine m = *machine::load(path, {});
+    const auto d = read_dynamics(path, m);
+    EXPECT_TRUE(d && *d) << path;
+    const Pose X{Mat3::Identity(), Vec3(0.1, -0.05, 0.12)};
+    JointSeries at = still_at(X, kinematics::inverse(m, X).solutions.at(0).joints);
+    at.first = Vec3(0.1, -0.2, 0.3);
+    at.second = Vec3(1, 2, -3);
+    return drive_forces(m, **d, at);
+  };
+  const std::string own = written("stages-own.toml", head + stages(own_first, own_second)),
+                    whole = written("stages-whole.toml", head + stages("", "") + of_whole),
+                    both = written("stages-both.toml", head + stages(own_first, own_second) + of_whole);
+  const JointVector expected = forces(whole);
+  EXPECT_GT(expected.norm(), 100);
+  EXPECT_LT((forces(own) - expected).norm(), 1e-9 * expected.norm());
+  EXPECT_LT((forces(both) - expected).norm(), 1e-9 * expected.norm());
+  EXPECT_EQ((*read_dynamics(both, *machine::load(both, {})))->not_read, (std::vector<int>{1, 2}));
+  EXPECT_TRUE((*read_dynamics(own, *machine::load(own, {})))->not_read.empty());
+  EXPECT_FALSE(*read_dynamics(written("stages-none.toml", head + stages("", "")), *machine::load(own, {})));
+}
+
 }  // namespace
 }  // namespace polypod::motion

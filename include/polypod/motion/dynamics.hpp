@@ -39,7 +39,8 @@ struct Dynamics {
   std::vector<double> friction;  ///< N or Nm, against the motion; empty, one, or one a drive
   std::vector<double> viscous;   ///< N s/m or Nm s/rad; likewise
   std::vector<Dynamics> stages;  ///< of machines in series: the bodies of each, from the base; none of the rest
-  std::vector<int> not_read;     ///< stages, from 1, whose own files have masses that are not read
+  /// Stages, from 1, whose own files have masses that the table of the whole stands for.
+  std::vector<int> not_read;
 
   /// The keys of the parts that have a mass or an inertia.
   [[nodiscard]] std::vector<std::string> parts_with_mass() const;
@@ -47,7 +48,9 @@ struct Dynamics {
   [[nodiscard]] std::vector<std::string> not_rigid() const;
 };
 
-/// The table `dynamics` of the TOML file at this path; nothing where the file has none (or is a URDF file). Errors:
+/// The table `dynamics` of the TOML file at this path; nothing where the file has none (or is a URDF file). Of a machine
+/// in series whose table has no `[[dynamics.stage]]` the masses and the drives' numbers of the stages' own files count;
+/// the gravity is that of the whole, and what a stage carries is the next one and not its own payload. Errors:
 /// those of config, MO120 (an inertia that no body has: a negative principal moment, or one larger than 1.25 times the
 /// sum of the others), MO121 (a key that the machine has no part for), MO122 (as many numbers as drives, links as
 /// rows, stages as the machine has).

@@ -1,0 +1,347 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/pages/machine_report.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "machine_inputs.hpp"
+#include "parts.hpp"
+#include "polypod/calibration/poses.hpp"
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/parts.hpp"
+#include "polypod/pages/compliance_map.hpp"
+#include "polypod/pages/machine.hpp"
+#include "polypod/quality/singularity.hpp"
+#include "polypod/statics/judge.hpp"
+#include "workspace_section.hpp"
+
+namespace polypod::pages {
+namespace {
+
+using machine::AnyMachine;
+using report::number;
+using report::Report;
+using report::Verdict;
+using units::to_mm;
+using units::to_um;
+
+/// What a plan of measurements would leave uncertain.
+struct Plan {
+  std::size_t poses = 0;
+  double chosen = 0, grid = 0;  ///< m, standard deviation of a predicted position; infinite where parameters stay open
+};
+struct Plans {
+  calibration::Candidates from;
+  std::vector<Plan> plans;
+};
+
+class MachineReportPage {
+ public:
+  MachineReportPage(const AnyMachine& machine, const MachineReportOptions& options)
+      : machine_(machine),
+        options_(options),
+        task_(kinematics::task(machine)),
+        report_(machine::name_of(machine), machine::description_of(machine), facts()) {
+    options_.survey.progress = [this](double share) { said("survey", share); };
+  }
+
+  Result<MachineReport> make() {
+    POLYPOD_TRY(compute());
+    at_a_glance();
+    POLYPOD_TRY(workspace_part());
+    POLYPOD_TRY(errors_part());
+    statics_part();
+    calibration_part();
+    add_inputs(report_, machine_, asked_, options_.command);
+    return MachineReport{report_.to_html(), {workspace_, errors_, statics_, calibration_}};
+  }
+
+ private:
+  [[nodiscard]] Entries facts() const {
+    Entries out{{"machine", options_.machine.empty() ? machine::name_of(machine_) : options_.machine},
+                {"family", machine::family_of(machine_)}};
+    for (const std::string& set : options_.sets) out.emplace_back("changed", set);
+    if (!options_.version.empty()) out.emplace_back("made with", "Polypod " + options_.version);
+    return out;
+  }
+  void said(const char* what, double share) const {
+    if (options_.progress) options_.progress(what, share);
+  }
+  /// Whether the user ended the work; any other error belongs to the part that has it.
+  [[nodiscard]] bool cancelled() const {
+    return options_.survey.workspace.cancelled && options_.survey.workspace.cancelled();
+  }
+  /// The value, or the reason in `part`. Errors: of cancelled work.
+  template <typename T>
+  Result<std::optional<T>> unless_impossible(Result<T> result, ReportPart& part) const {
+    if (result) return std::optional<T>(std::move(*result));
+    if (cancelled()) return tl::unexpected(result.error());
+    part.reason = result.error().message;
+    if (!result.error().hint.empty()) part.reason += "; " + result.error().hint;
+    return std::optional<T>();
+  }
+
+  Status compute() {
+    said("workspace", 0);
+    POLYPOD_ASSIGN(volume, unless_impossible(workspace::volume(machine_, options_.survey.workspace), workspace_));
+    volume_ = std::move(volume);
+    const quality::PoseIndependentSingularity singular = quality::pose_independent_singularity(machine_);
+    if (singular.never_held() || singular.nearly()) {
+      errors_.reason = statics_.reason = calibration_.reason = "this machine is " + quality::in_words(singular);
+      return {};
+    }
+    POLYPOD_ASSIGN(fields, unless_impossible(quality_fields(machine_, options_.survey, options_.question), errors_));
+    fields_ = std::move(fields);
+    compliance();
+    said("calibration", 0);
+    POLYPOD_ASSIGN(plans, unless_impossible(plan(), calibration_));
+    plans_ = std::move(plans);
+    return {};
+  }
+
+  /// The map that `polypod map` draws by itself, with half as many points on a side.
+  void compliance() {
+    if (const Status compliant = statics::needs_compliance(machine_); !compliant) {
+      statics_.reason = compliant.error().message + "; " + compliant.error().hint;
+      return;
+    }
+    if (!task_.places()) {
+      statics_.reason = "the task does not hold x, y, z: there is no map over positions; `polypod compliance --pose` "
+                        "answers for one pose";
+      return;
+    }
+    constexpr int kLonger = 21;
+    const std::vector<double> zero(static_cast<std::size_t>(task_.size()), 0.0);
+    const Mat3 R_MT = kinematics::pose_of(task_, zero).R;
+    ComplianceMap map{machine_, statics::Plane::xy, kinematics::middle_of_work(machine_).z(), {}, {}, {}, {}, {}};
+    for (int i = 0; i < task_.size(); ++i)
+      if (task_.is_angle(i)) map.angles_deg.push_back(0);
+    const auto rectangle = statics::reached_rectangle(machine_, map.plane, map.at, R_MT);
+    if (rectangle) {
+      map.rectangle = *rectangle;
+      const auto [columns, rows] = grid_counts(*rectangle, kLonger);
+      map.map = statics::compliance_map(
+          machine_, statics::plane_grid(map.plane, map.at, map.rectangle, columns, rows), R_MT);
+    }
+    if (!rectangle || reached(map.map) == 0) {
+      statics_.reason = fmt::format("nothing is reached of the plane {} with the tool at zero tilt; `polypod map` draws "
+                                    "others",
+                                    place_of(map));
+      return;
+    }
+    map_ = std::move(map);
+  }
+
+  /// What positions chosen among candidates, and positions on a grid, tell of the geometry.
+  [[nodiscard]] Result<Plans> plan() const {
+    calibration::CalibrationOptions how;
+    how.noise_position = options_.noise_position;
+    constexpr std::size_t kCandidates = 250;
+    constexpr std::array<std::size_t, 6> kCounts{10, 15, 20, 30, 50, 100};
+    Plans out;
+    POLYPOD_ASSIGN(from,
+                   calibration::geometry_candidates(machine_, kCandidates, 1, calibration::Kind::point, {}, how));
+    out.from = std::move(from);
+    for (const std::size_t count : kCounts) {
+      said("calibration", static_cast<double>(out.plans.size()) / static_cast<double>(kCounts.size()));
+      if (3 * count < out.from.unknowns.size() || count > out.from.equations.size()) continue;
+      auto chosen = calibration::choose(out.from.equations, count, calibration::Criterion::determinant);
+      if (!chosen) continue;  // fewer equations than unknowns
+      std::vector<Eigen::MatrixXd> measured;
+      for (const std::size_t i : *chosen) measured.push_back(out.from.equations[i]);
+      constexpr double kGridTilt_deg = 20;
+      const auto stands =
+          calibration::grid_stands(machine_, out.from.stands, count, units::from_deg(task_.turns() ? kGridTilt_deg : 0));
+      const auto on_grid =
+          calibration::geometry_equations(machine_, stands, calibration::Kind::point, {}, how, out.from);
+      const auto predicted = [&](const std::vector<Eigen::MatrixXd>& equations) {
+        return how.noise_position * calibration::uncertainty(equations, out.from.equations).reading;
+      };
+      out.plans.push_back({count, predicted(measured), predicted(on_grid)});
+    }
+    if (out.plans.empty()) {
+      return fail("CA130", fmt::format("{} measured positions do not tell {} unknowns", kCounts.back(),
+                                       out.from.unknowns.size()));
+    }
+    return out;
+  }
+
+  void at_a_glance() {
+    report_.add_section("At a glance");
+    std::vector<report::KeyFigure> figures;
+    if (volume_ && !volume_->empty && (volume_->proven || volume_->reached)) {
+      const double error = 50 * (volume_->upper - volume_->lower) / std::max(volume_->volume, 1e-300);
+      const auto [size, unit] = task_.places() ? volume_figure(*volume_) : region_figure(task_, *volume_);
+      figures.push_back({size, unit,
+                         fmt::format("workspace, ± {} % {}", number(error, 2),
+                                     volume_->proven ? "proven" : "(95 % of a sample)"),
+                         Verdict::neutral});
+    }
+    if (fields_) {
+      const quality::Extreme worst = quality::worst_seen(machine_, fields_->survey, options_.survey,
+                                                         fields_->errors.position, fields_->errors.anywhere, 0);
+      const std::string of = fmt::format("{} {}", options_.question.tolerances ? "tolerances" : "errors", given());
+      figures.push_back({std::isfinite(worst.value) ? number(to_mm(worst.value)) : "∞", "mm",
+                         fmt::format("largest error of the tip that was seen, with the {}{}", of,
+                                     options_.assumed ? " (assumed)" : ""),
+                         Verdict::neutral});
+      const std::vector<double> condition = shown_means(*fields_, QualityValue::condition);
+      const auto best = std::min_element(condition.begin(), condition.end());
+      figures.push_back({std::isfinite(*best) ? number(*best) : "∞", "", "least condition number κ, mean over the tool directions",
+                         Verdict::neutral});
+    }
+    if (map_) {
+      double most = 0;
+      for (const Field& f : fields_of(*map_))
+        if (f.kind == Field::Kind::direct) most = std::max(most, extremes_of(f.values).max);
+      figures.push_back({number(most), "µm/N", fmt::format("largest direct compliance over {}", place_of(*map_)),
+                         Verdict::neutral});
+    }
+    if (plans_) {
+      const Plan& best = plans_->plans.back();
+      figures.push_back({number(to_um(best.chosen)), "µm",
+                         fmt::format("standard deviation of a position after a calibration with {} measured positions",
+                                     best.poses),
+                         Verdict::neutral});
+    }
+    report_.add_key_figures(figures);
+    report_.add_text(
+        "One chapter for each question follows, with what it answers for and what not. The same input of all of them "
+        "stands at the end.");
+    for (const ReportPart* part : {&workspace_, &errors_, &statics_, &calibration_})
+      if (!part->reason.empty()) not_judged(*part);
+  }
+
+  void not_judged(const ReportPart& part) {
+    report_.add_verdict(Verdict::neutral, fmt::format("Not judged, {}: {}.", part.name, part.reason));
+  }
+  [[nodiscard]] std::string given() const {
+    std::string out;
+    for (const std::string& g : options_.given) out += (out.empty() ? "" : ", ") + g;
+    return out;
+  }
+
+  void asked(const Entries& entries) {
+    for (const auto& entry : entries)
+      if (std::find(asked_.begin(), asked_.end(), entry) == asked_.end()) asked_.push_back(entry);
+  }
+
+  Status workspace_part() {
+    if (volume_) {
+      WorkspacePageOptions page;
+      page.resolution = options_.resolution;
+      page.progress = options_.progress;
+      const auto add = task_.places() ? add_workspace : add_region;
+      POLYPOD_ASSIGN(inputs, unless_impossible(
+                                 add(report_, machine_, options_.survey.workspace, *volume_, page), workspace_));
+      if (inputs) {
+        asked(*inputs);
+        return {};
+      }
+      not_judged(workspace_);
+    }
+    const MachineAt at = machine_at(machine_, start_pose(machine_));
+    if (at.lines.empty()) return {};
+    report_.add_section("The machine in space");
+    report_.add_scene(machine_scene(machine_, at), "The machine at its start.");
+    return {};
+  }
+
+  Status errors_part() {
+    if (!fields_) return {};
+    QualityPageOptions page;
+    page.given = options_.given;
+    page.assumed = options_.assumed;
+    page.resolution = options_.resolution;
+    constexpr int kInSpace = 28;
+    page.resolution_in_space = kInSpace;
+    said("errors", 0);
+    POLYPOD_ASSIGN(inputs,
+                   unless_impossible(add_quality(report_, machine_, options_.survey, options_.question, *fields_, page),
+                                     errors_));
+    if (inputs) {
+      asked(*inputs);
+    } else {
+      not_judged(errors_);
+    }
+    return {};
+  }
+
+  void statics_part() {
+    if (map_) asked(add_compliance_map(report_, *map_));
+  }
+
+  void calibration_part() {
+    if (!plans_) return;
+    const calibration::Candidates& from = plans_->from;
+    const double noise = to_um(options_.noise_position);
+    report_.add_section("How well it could be calibrated");
+    const Plan& best = plans_->plans.back();
+    report_.add_verdict(
+        Verdict::neutral,
+        fmt::format("Measured positions of the tool tell {} of {} unknowns of the geometry. With {} positions, each "
+                    "coordinate measured with a standard deviation of {} µm, the calibrated model predicts a coordinate "
+                    "of a position with a standard deviation of {} µm on average.",
+                    from.unknowns.size(), from.total, best.poses, number(noise), number(to_um(best.chosen))));
+    report_.add_text(
+        "This answers for the geometry that the machine's file describes, to first order, with the instrument's frame "
+        "and target known: not for errors that the model does not hold, such as deflection and temperature.");
+    report::LinePlot plot;
+    plot.title = "Uncertainty of a predicted position against the number of measured positions";
+    plot.x = {"measured positions", "", 0, {}, false};
+    plot.y = {"standard deviation", "µm", {}, {}, true};
+    report::Series chosen{"chosen", {}, {}, report::Colour::blue, report::LineStyle::solid, 2};
+    report::Series grid{"on a grid", {}, {}, report::Colour::orange, report::LineStyle::dashed, 2};
+    report::Table table;
+    table.columns = {{"measured positions", "", 0}, {"chosen", "µm"}, {"on a grid", "µm"}};
+    for (const Plan& p : plans_->plans) {
+      for (const auto& [series, value] : {std::pair{&chosen, p.chosen}, std::pair{&grid, p.grid}}) {
+        series->x.push_back(static_cast<double>(p.poses));
+        series->y.push_back(to_um(value));
+      }
+      const auto cell = [](double metres) {
+        return std::isfinite(metres) ? report::Cell(to_um(metres)) : report::Cell("not all unknowns");
+      };
+      table.rows.push_back({static_cast<double>(p.poses), cell(p.chosen), cell(p.grid)});
+    }
+    plot.series = {chosen, grid};
+    report_.add_figure(plot,
+                       "Positions that are chosen to tell most (`polypod poses`) beside as many on a regular grid. The "
+                       "chosen ones come from a search: a local optimum.");
+    report_.add_table(table);
+    if (!from.held.empty()) {
+      report::Table held;
+      held.caption = "Not told by positions: kept at their nominal values, or following from others";
+      held.columns = {{"parameter", ""}};
+      for (const std::string& key : from.held) held.rows.push_back({key});
+      held.folded = true;
+      report_.add_table(held);
+    }
+    asked({{"noise of a measured coordinate", fmt::format("{} µm", number(noise))},
+           {"candidates for measured positions", fmt::format("{}", from.equations.size())}});
+  }
+
+  const AnyMachine& machine_;
+  MachineReportOptions options_;
+  machine::Task task_;
+  Report report_;
+  Entries asked_;
+  std::optional<workspace::Volume> volume_;
+  std::optional<QualityFields> fields_;
+  std::optional<ComplianceMap> map_;
+  std::optional<Plans> plans_;
+  ReportPart workspace_{"workspace", ""}, errors_{"errors and conditioning", ""}, statics_{"statics", ""},
+      calibration_{"calibration", ""};
+};
+
+}  // namespace
+
+Result<MachineReport> machine_report(const AnyMachine& machine, const MachineReportOptions& options) {
+  return MachineReportPage(machine, options).make();
+}
+
+}  // namespace polypod::pages
