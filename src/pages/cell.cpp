@@ -71,14 +71,20 @@ report::PathPlot picture(const CellResult& r, const View& view, bool dimensions)
     const cell::Container* c = standing.empty() ? nullptr : &r.cell.containers[0];
     for (const cell::StandingContainer& at : standing) {
       shapes.push_back({view.eye.dot(at.bottom + Vec3(0, 0, c->height)), c->name,
-                        cylinder(view, at.bottom, c->diameter, c->height), Colour::green});
+                        upright(view, at.bottom, c->diameter, c->height), Colour::green});
+    }
+  }
+  for (std::size_t m = 0; m < r.cell.machines.size(); ++m) {
+    for (const cell::BaseBody& base : cell::bases(r.cell.machines[m], r.motions.home[m])) {
+      shapes.push_back({view.eye.dot(0.5 * (base.from + base.to)), "bases of machines",
+                        cylinder(view, base.from, base.to, base.radius), Colour::blue});
     }
   }
   std::stable_sort(shapes.begin(), shapes.end(), [](const Shape& a, const Shape& b) { return a.near < b.near; });
   std::set<std::string> named;
   for (Shape& s : shapes) {
     const std::string name = named.insert(s.kind).second ? s.kind : "";
-    out.areas.push_back({name, std::move(s.outline), s.colour});
+    out.areas.push_back({name, std::move(s.outline), s.colour, true});
   }
   for (const cell::Guard& g : r.cell.guards) {
     const Vec3 up(0, 0, g.height);
@@ -692,7 +698,9 @@ std::string cell_events_csv(const CellResult& result) {
   report::Csv csv({"time_s", "step", "who", "what", "detail"});
   if (result.simulated()) {
     for (const cell::Event& e : result.outcome().events) {
-      csv.add({e.time, e.step > 0 ? report::Csv::Field(static_cast<double>(e.step)) : report::Csv::Field(std::string()),
+      constexpr double kMicroseconds = 1e6;  // more digits say nothing of a drive
+      csv.add({std::round(e.time * kMicroseconds) / kMicroseconds,
+               e.step > 0 ? report::Csv::Field(static_cast<double>(e.step)) : report::Csv::Field(std::string()),
                e.who, e.what, e.detail});
     }
   }

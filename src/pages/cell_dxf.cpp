@@ -158,6 +158,7 @@ void draw(Drawing& out, const CellResult& r, const View& view, bool plane) {
     for (const Vec3& p : {a, b, Vec3(b + up), Vec3(a + up)}) line.push_back(see(p));
     out.polyline(kGuards, line, true);
   }
+  const bool from_above = plane && view.eye.z() > 0.5;
   for (std::size_t m = 0; m < r.cell.machines.size(); ++m) {
     const cell::Machine& machine = r.cell.machines[m];
     const kinematics::ForwardResult f = kinematics::forward(machine.model, r.motions.home[m]);
@@ -168,6 +169,14 @@ void draw(Drawing& out, const CellResult& r, const View& view, bool plane) {
       for (const Vec3& p : part.points) line.push_back(see(machine.X_CM * p));
       out.polyline(kMachines, line, false);
     }
+    for (const cell::BaseBody& base : cell::bases(machine, r.motions.home[m])) {
+      const Vec3 axis = base.to - base.from;
+      if (from_above && axis.head<2>().norm() < 1e-9 * axis.norm()) {
+        out.circle(kMachines, see(base.from), to_mm(base.radius));
+      } else {
+        out.polyline(kMachines, cylinder(view, base.from, base.to, base.radius), true);
+      }
+    }
   }
   constexpr double kArrow = 80, kHeight = 60;  // mm
   for (const cell::Conveyor& c : r.cell.conveyors) {
@@ -177,13 +186,12 @@ void draw(Drawing& out, const CellResult& r, const View& view, bool plane) {
       out.line(kBelts, see(c.point(0.9 * c.length - units::from_mm(kArrow), side * units::from_mm(0.4 * kArrow))),
                see(to));
   }
-  const bool from_above = plane && view.eye.z() > 0.5;
   for (const cell::StandingContainer& c : cell::standing_containers(r.cell)) {
     const cell::Container& kind = r.cell.containers[0];
     if (from_above) {
       out.circle(kContainers, see(c.bottom), to_mm(kind.diameter) / 2);
     } else {
-      out.polyline(kContainers, cylinder(view, c.bottom, kind.diameter, kind.height), true);
+      out.polyline(kContainers, upright(view, c.bottom, kind.diameter, kind.height), true);
     }
   }
   const double radius = r.cell.containers.empty() ? 0 : to_mm(r.cell.containers[0].diameter) / 2;

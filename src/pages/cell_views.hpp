@@ -52,17 +52,23 @@ inline std::vector<report::Point> hull(const std::vector<report::Point>& points)
   return out;
 }
 
-/// An upright cylinder as it is seen: the hull of its two rims.
-inline std::vector<report::Point> cylinder(const View& view, const Vec3& bottom, double diameter, double height) {
+/// A cylinder as it is seen: the hull of its two rims.
+inline std::vector<report::Point> cylinder(const View& view, const Vec3& from, const Vec3& to, double radius) {
   constexpr int kCorners = 24;
+  const Vec3 axis = (to - from).normalized();
+  const Vec3 u = axis.unitOrthogonal(), v = axis.cross(u);
   std::vector<report::Point> points;
   for (int k = 0; k < kCorners; ++k) {
     const double angle = 2 * std::numbers::pi * k / kCorners;
-    const Vec3 rim = bottom + 0.5 * diameter * Vec3(std::cos(angle), std::sin(angle), 0);
-    points.push_back(seen(view, rim));
-    points.push_back(seen(view, rim + Vec3(0, 0, height)));
+    const Vec3 rim = radius * (std::cos(angle) * u + std::sin(angle) * v);
+    points.push_back(seen(view, from + rim));
+    points.push_back(seen(view, to + rim));
   }
   return hull(points);
+}
+/// An upright one.
+inline std::vector<report::Point> upright(const View& view, const Vec3& bottom, double diameter, double height) {
+  return cylinder(view, bottom, bottom + Vec3(0, 0, height), diameter / 2);
 }
 
 /// What stands in a cell, for the table of coordinates beside its views (ISO 129-1): numbered as in the view from the

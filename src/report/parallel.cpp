@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
+#include "packed.hpp"
 #include "svg.hpp"
 
 namespace polypod::report {
@@ -58,7 +60,10 @@ std::string ParallelPlot::operator()(const Canvas& canvas) const {
     scales.push_back(across ? scale_of(axis, kSide, picture.width - kSide) : scale_of(axis, bottom, top));
   for (const Group& g : groups) {
     std::string d;
+    Packed values;
     for (const std::vector<double>& line : g.lines) {
+      for (std::size_t i = 0; i < n; ++i)
+        values.add(i < line.size() ? static_cast<float>(line[i]) : std::numeric_limits<float>::quiet_NaN());
       std::vector<Point> points;
       for (std::size_t i = 0; i < std::min(n, line.size()); ++i) {
         const double at = scales[i](line[i]);
@@ -66,8 +71,9 @@ std::string ParallelPlot::operator()(const Canvas& canvas) const {
       }
       d += svg::path(points);
     }
-    picture.body += fmt::format("<path d=\"{}\" class=\"{} l\" style=\"stroke-width:{};stroke-opacity:.75\"/>\n", d,
-                                svg::class_of(g.colour), px(g.stroke));
+    picture.body += fmt::format("<path d=\"{}\" class=\"{} l\" style=\"stroke-width:{};stroke-opacity:.75\"{}/>\n", d,
+                                svg::class_of(g.colour), px(g.stroke),
+                                canvas.again ? "" : fmt::format(" data-group=\"{}\" data-f=\"{}\"", escape(g.name), values.text()));
   }
   for (std::size_t i = 0; i < n; ++i) {
     const Axis& axis = axes[i];
@@ -85,7 +91,16 @@ std::string ParallelPlot::operator()(const Canvas& canvas) const {
     picture.text(at, top - 6, end_text(axis, axis.downwards ? axis.min : axis.max), "q m h", svg::kSmallFont);
     picture.text(at, bottom + 15, end_text(axis, axis.downwards ? axis.max : axis.min), "q m h", svg::kSmallFont);
   }
-  return picture.finish(bottom + (across ? 8 : 24));
+  // What the pointer reads: the axes as x0 .. x1, what is on which pixel, and their names.
+  std::string axes_text, names;
+  for (std::size_t i = 0; i < n; ++i) {
+    axes_text += fmt::format("{}{} {} {} {} {}", i > 0 ? ";" : "", px(place(i)), scales[i].from, scales[i].to,
+                             px(scales[i].a), px(scales[i].b));
+    names += (i > 0 ? "|" : "") + axes[i].label;
+  }
+  return picture.finish(bottom + (across ? 8 : 24),
+                        fmt::format(" data-plot=\"parallel\" data-axes=\"{}\" data-names=\"{}\"{}", axes_text,
+                                    escape(names), across ? " data-across=\"1\"" : ""));
 }
 
 }  // namespace polypod::report

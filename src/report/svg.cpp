@@ -114,7 +114,7 @@ svg.pp .c-orange{--c:var(--orange)} svg.pp .c-sky{--c:var(--sky)}
 svg.pp .l{fill:none;stroke:var(--c);stroke-width:1.5;stroke-linejoin:round;stroke-linecap:round}
 svg.pp .dash{stroke-dasharray:6 4;stroke-linecap:butt} svg.pp .dot{stroke-dasharray:1 4}
 svg.pp .f{fill:var(--c);stroke:none} svg.pp .a{fill:var(--c);fill-opacity:.14;stroke:none}
-svg.pp .edge{stroke:var(--c);stroke-width:1;stroke-dasharray:4 3}
+svg.pp .edge{stroke:var(--c);stroke-width:1}svg.pp .edge.dash{stroke-dasharray:4 3}
 svg.pp .grid{stroke:var(--grid);stroke-width:1} svg.pp .axis{stroke:var(--muted);stroke-width:1}
 svg.pp .shade{fill:var(--muted);fill-opacity:.07}
 svg.pp text.n{fill:var(--muted);font-variant-numeric:tabular-nums} svg.pp text.q{fill:var(--muted)}

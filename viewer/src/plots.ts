@@ -1,7 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Plots: what stands under the pointer, a stretch of the x axis that is dragged, and the values of a plot as a table.
-// The attributes are written by src/report: `data-plot` says what kind of plot it is ("curves", "bins", "map", "plane"),
-// `data-x` and `data-y` are its scales (from, to, and where these are in the picture).
+// The attributes are written by src/report: `data-plot` says what kind of plot it is ("curves", "bins", "map", "plane",
+// "parallel"), `data-x` and `data-y` are its scales (from, to, and where these are in the picture).
 
 export interface Tip {
   show(rows: string[], x: number, y: number): void;
@@ -91,6 +91,24 @@ function gridOf(svg: SVGSVGElement): Grid | null {
 }
 const along = (range: Pair, i: number, count: number): number => range[0] + (count > 1 ? (i / (count - 1)) * (range[1] - range[0]) : 0);
 
+/** Parallel coordinates: axes side by side (or one below the other, `across`), and lines over all of them. */
+interface Parallel {
+  across: boolean;
+  places: number[]; // px
+  scales: Scale[];
+  names: string[];
+  lines: { group: string; values: number[] }[];
+}
+function parallelOf(svg: SVGSVGElement): Parallel {
+  const axes = (svg.dataset['axes'] ?? '').split(';').map((axis) => axis.split(' '));
+  const names = (svg.dataset['names'] ?? '').split('|');
+  const lines = [...holder(svg).querySelectorAll<SVGPathElement>('path[data-group]')].flatMap((path) => {
+    const all = [...floats(path.dataset['f'] ?? '')], n = names.length;
+    return Array.from({ length: all.length / n }, (_, k) => ({ group: path.dataset['group'] ?? '', values: all.slice(k * n, (k + 1) * n) }));
+  });
+  return { across: svg.dataset['across'] !== undefined, places: axes.map((axis) => Number(axis[0])), scales: axes.map((axis) => scaleOf(axis.slice(1).join(' '))), names, lines };
+}
+
 /** The values of a plot as the rows of a table, the first its head; null where it has none. */
 export function tableOf(svg: SVGSVGElement): (string | number)[][] | null {
   const label = svg.dataset['label'] || 'x', yname = svg.dataset['yname'] || 'y';
@@ -104,6 +122,10 @@ export function tableOf(svg: SVGSVGElement): (string | number)[][] | null {
       rows.push([Number(along(grid.x, n % grid.columns, grid.columns).toPrecision(9)), Number(along(grid.y, Math.floor(n / grid.columns), grid.rows).toPrecision(9)), Number(v.toPrecision(7)), ...kind]);
     });
     return rows;
+  }
+  if (svg.dataset['plot'] === 'parallel') {
+    const { names, lines } = parallelOf(svg);
+    return [['group', ...names], ...lines.map((line) => [line.group, ...line.values.map((v) => Number(v.toPrecision(7)))])];
   }
   const curves = curvesOf(svg).filter((c) => c.values !== null);
   if (curves.length === 0) return null;
@@ -148,6 +170,7 @@ export class Plot {
   readonly parts: Part[];
   private curves_: Curve[] | null = null;
   private grid_: Grid | null | undefined;
+  private parallel_: Parallel | undefined;
 
   constructor(readonly svg: SVGSVGElement) {
     this.kind = svg.dataset['plot'] ?? '';
@@ -183,6 +206,7 @@ export class Plot {
   /** What stands under the pointer, in words. */
   read(e: MouseEvent): string[] {
     const [x, y] = this.at(e);
+    if (this.kind === 'parallel') return this.readParallel(x, y);
     if (!this.X.inside(x)) return [];
     if (this.kind === 'map') return this.Y.inside(y) ? this.readMap(x, y, e) : [];
     if (this.kind === 'plane') return this.Y.inside(y) ? this.readPlane(x, y, e) : [];
@@ -233,6 +257,25 @@ export class Plot {
     const kind = grid.kinds === null ? undefined : grid.names[grid.kinds[j * grid.columns + i]!];
     if (kind) rows.push(kind);
     return rows;
+  }
+
+  /** The line of parallel coordinates that is nearest: its value on each axis. */
+  private readParallel(x: number, y: number): string[] {
+    const { across, places, scales, names, lines } = (this.parallel_ ??= parallelOf(this.svg));
+    const [along, at] = across ? [y, x] : [x, y];
+    const i = Math.max(1, places.findIndex((place) => place >= along));
+    if (!(along >= places[0]! && along <= places[places.length - 1]!)) return [];
+    const t = (along - places[i - 1]!) / (places[i]! - places[i - 1]!);
+    let best = 8; // px
+    let found: (typeof lines)[number] | null = null;
+    for (const line of lines) {
+      const a = scales[i - 1]!(line.values[i - 1]!), b = scales[i]!(line.values[i]!);
+      const off = Math.abs(a + t * (b - a) - at);
+      if (!(off <= best)) continue; // of equal lines the last, which is drawn on top
+      best = off;
+      found = line;
+    }
+    return found === null ? [] : [found.group, ...names.map((name, k) => `${name}: ${five(found.values[k]!)}`)];
   }
 
   /** The nearest line or dot, and the areas: positions to what a pixel tells. */

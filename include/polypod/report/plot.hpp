@@ -104,6 +104,7 @@ struct Area {
   std::string name;
   std::vector<Point> outline;
   Colour colour = Colour::muted;
+  bool solid = false;  ///< its edge: that of a body, or dashed
 };
 
 struct Arrow {
