@@ -3,6 +3,7 @@
 #include <fmt/ranges.h>
 
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include "commands.hpp"
@@ -46,8 +47,8 @@ Command tolerances_command() {
       "-10,-10,60,10,10,70 --tilt 10",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
-        a.option("--required", o->wanted_mm, "Largest error of the tip at the poses that are judged, mm", true);
-        a.option("--required-angle", o->wanted_rad, "Largest error of the orientation too, rad");
+        a.option("--required", o->wanted_mm, "Largest error of the tip at the poses that are judged, mm");
+        a.option("--required-angle", o->wanted_rad, "Largest error of the orientation, rad (alone, or beside the other)");
         a.option("--group", o->groups, "KEY=weight: elements with one tolerance (repeatable; default: all alike)");
         a.option("--rule", o->rule,
                  "weighted (default): tolerances in the ratio of the weights; cost: least sum of weight / tolerance");
@@ -59,10 +60,15 @@ Command tolerances_command() {
         if (o->rule != "weighted" && o->rule != "cost") {
           return fail("AP168", fmt::format("--rule {}: unknown", o->rule), {}, "weighted or cost");
         }
-        POLYPOD_TRY(in_range("AP122", "--required", o->wanted_mm, {1e-9, 1e6}, "mm"));
+        const bool of_tip = context.given("--required"), of_angle = context.given("--required-angle");
+        if (!of_tip && !of_angle) {
+          return fail("AP122", "nothing is required", {}, "give --required (mm), --required-angle (rad) or both");
+        }
+        if (of_tip) POLYPOD_TRY(in_range("AP122", "--required", o->wanted_mm, {1e-9, 1e6}, "mm"));
+        if (of_angle) POLYPOD_TRY(in_range("AP122", "--required-angle", o->wanted_rad, {1e-12, 10}, "rad"));
         quality::DesignOptions design;
-        design.position = units::from_mm(o->wanted_mm);
-        if (o->wanted_rad != 0) design.orientation = o->wanted_rad;
+        design.position = of_tip ? units::from_mm(o->wanted_mm) : std::numeric_limits<double>::infinity();
+        if (of_angle) design.orientation = o->wanted_rad;
         if (o->rule == "cost") design.rule = quality::DesignRule::cost;
         POLYPOD_ASSIGN(region, region_argument(o->region));
         design.region = region;

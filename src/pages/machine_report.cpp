@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 
 #include "machine_inputs.hpp"
@@ -190,8 +191,8 @@ class MachineReportPage {
                                      options_.assumed ? " (assumed)" : ""),
                          Verdict::neutral});
       const std::vector<double> condition = shown_means(*fields_, QualityValue::condition);
-      const auto best = std::min_element(condition.begin(), condition.end());
-      figures.push_back({std::isfinite(*best) ? number(*best) : "∞", "", "least condition number κ, mean over the tool directions",
+      const double mean = std::accumulate(condition.begin(), condition.end(), 0.0) / static_cast<double>(condition.size());
+      figures.push_back({std::isfinite(mean) ? number(mean) : "∞", "", "condition number κ, mean over the workspace",
                          Verdict::neutral});
     }
     if (map_) {
@@ -210,8 +211,7 @@ class MachineReportPage {
     }
     report_.add_key_figures(figures);
     report_.add_text(
-        "One chapter for each question follows, with what it answers for and what not. The same input of all of them "
-        "stands at the end.");
+        "Each question has its chapters below, which say what they answer for. The inputs stand once, at the end.");
     for (const ReportPart* part : {&workspace_, &errors_, &statics_, &calibration_})
       if (!part->reason.empty()) not_judged(*part);
   }
@@ -284,9 +284,9 @@ class MachineReportPage {
     report_.add_verdict(
         Verdict::neutral,
         fmt::format("Measured positions of the tool tell {} of {} unknowns of the geometry. With {} positions, each "
-                    "coordinate measured with a standard deviation of {} µm, the calibrated model predicts a coordinate "
+                    "coordinate measured with a standard deviation of {:.6g} µm, the calibrated model predicts a coordinate "
                     "of a position with a standard deviation of {} µm on average.",
-                    from.unknowns.size(), from.total, best.poses, number(noise), number(to_um(best.chosen))));
+                    from.unknowns.size(), from.total, best.poses, noise, number(to_um(best.chosen))));
     report_.add_text(
         "This answers for the geometry that the machine's file describes, to first order, with the instrument's frame "
         "and target known: not for errors that the model does not hold, such as deflection and temperature.");
@@ -308,9 +308,14 @@ class MachineReportPage {
       };
       table.rows.push_back({static_cast<double>(p.poses), cell(p.chosen), cell(p.grid)});
     }
+    // A grid may tell next to nothing: the curve of what is chosen keeps its shape.
+    constexpr double kRoom = 4;
+    const double most = *std::max_element(chosen.y.begin(), chosen.y.end());
+    const auto beyond = [&](double y) { return y > kRoom * most; };
+    if (std::any_of(grid.y.begin(), grid.y.end(), beyond)) plot.y.max = kRoom * most;
     plot.series = {chosen, grid};
     report_.add_figure(plot,
-                       "Positions that are chosen to tell most (`polypod poses`) beside as many on a regular grid. The "
+                       "Positions that are chosen to tell most (polypod poses) beside as many on a regular grid. The "
                        "chosen ones come from a search: a local optimum.");
     report_.add_table(table);
     if (!from.held.empty()) {
@@ -321,7 +326,7 @@ class MachineReportPage {
       held.folded = true;
       report_.add_table(held);
     }
-    asked({{"noise of a measured coordinate", fmt::format("{} µm", number(noise))},
+    asked({{"noise of a measured coordinate", fmt::format("{:.6g} µm", noise)},
            {"candidates for measured positions", fmt::format("{}", from.equations.size())}});
   }
 

@@ -383,7 +383,7 @@ class QualityPart {
 
   void error_maps() {
     if (sections_.empty()) return;
-    report_.add_section("Where");
+    report_.add_section("Where the errors are");
     report_.add_text(fmt::format(
         "{} through the middle of the workspace, whose boundary is the black line. Dark is small, yellow is "
         "large.",
@@ -424,7 +424,7 @@ class QualityPart {
   }
 
   void error_histograms() {
-    report_.add_section("How often");
+    report_.add_section("How often errors are so large");
     int far = 0, far_turned = 0;
     const auto position = histogram(QualityValue::position, fields_.errors.position, units::kMmPerMetre, far);
     std::vector<std::pair<std::string, report::Figure>> panels{{"the tip", position}};

@@ -36,11 +36,10 @@ class Designer {
       return worst_seen(machine_, survey_, options_, q, field.anywhere, number);
     };
     // The search of the errors themselves, so that what is promised is what they then show.
-    const Extreme position = seen(field.position, 0);
-    POLYPOD_ASSIGN(found, judged(sizes, position));
-    if (std::isinf(design_.orientation)) return found;
-    const Extreme orientation = seen(field.orientation, 1);
-    POLYPOD_ASSIGN(turned, judged(sizes, orientation));
+    if (std::isinf(design_.orientation)) return judged(sizes, seen(field.position, 0));
+    POLYPOD_ASSIGN(turned, judged(sizes, seen(field.orientation, 1)));
+    if (std::isinf(design_.position)) return turned;
+    POLYPOD_ASSIGN(found, judged(sizes, seen(field.position, 0)));
     return turned.ratio > found.ratio ? std::move(turned) : std::move(found);
   }
 
@@ -125,8 +124,9 @@ std::vector<double> least_cost(const std::vector<double>& c, const std::vector<s
 
 Result<ToleranceDesign> design_tolerances(const AnyMachine& machine, const Survey& survey, const SurveyOptions& options,
                                           const std::vector<ToleranceGroup>& groups, const DesignOptions& design) {
-  if (!(design.position > 0) || !(design.orientation > 0) || !std::isfinite(design.position)) {
-    return fail("QU120", "the required errors must be above 0");
+  if (!(design.position > 0) || !(design.orientation > 0) ||
+      (std::isinf(design.position) && std::isinf(design.orientation))) {
+    return fail("QU120", "the required errors must be above 0, and one of them finite");
   }
   if (groups.empty()) return fail("QU120", "there is no tolerance to choose");
   const std::vector<Element> all = elements(machine);

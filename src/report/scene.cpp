@@ -299,6 +299,12 @@ std::string Scene::operator()(const Canvas& canvas) const {
     numbers(2, dot(a, right) < dot(b, right) ? a : b);
   }
 
+  // What most triangles share stands once, on their group: half of the bytes of a picture.
+  const double shared = meshes.empty() ? 1 : meshes.front().opacity;
+  const auto look_of = [shared](double opacity, const std::string& fill) {
+    const std::string stroke = opacity >= 1 ? fmt::format(" stroke=\"{}\"", fill) : shared < 1 ? "" : " stroke=\"none\"";
+    return stroke + (opacity == shared ? "" : fmt::format(" fill-opacity=\"{:.2g}\"", std::min(opacity, 1.0)));
+  };
   std::vector<Piece> pieces;
   for (const Mesh& m : meshes) {
     const auto known = [&](const std::array<int, 3>& t) {
@@ -342,8 +348,7 @@ std::string Scene::operator()(const Canvas& canvas) const {
         if (d.empty()) return;  // less than a tenth of a pixel wide
         pieces.push_back(
             {dot(p[0] + p[1] + p[2], to_eye) / 3,
-             fmt::format("<path d=\"{}\" fill=\"{}\" stroke=\"{}\"{}/>\n", d, fill, m.opacity < 1 ? "none" : fill,
-                         m.opacity < 1 ? fmt::format(" opacity=\"{:.2f}\"", m.opacity) : "")});
+             fmt::format("<path d=\"{}\" fill=\"{}\"{}/>\n", d, fill, look_of(m.opacity, fill))});
       };
       if (!levels.empty() && m.value.size() == m.points.size()) {
         std::vector<Valued> rest;
@@ -382,8 +387,9 @@ std::string Scene::operator()(const Canvas& canvas) const {
       if (l.dots) {
         const Point p = project(points[k]);
         pieces.push_back({dot(points[k], to_eye) + 1e-6 * longest,
-                          fmt::format("<circle cx=\"{}\" cy=\"{}\" r=\"{}\" class=\"{} f\" stroke=\"none\"/>\n",
-                                      px(p.x), px(p.y), px(l.stroke), svg::class_of(l.colour))});
+                          fmt::format("<circle cx=\"{}\" cy=\"{}\" r=\"{}\" class=\"{} f\" stroke=\"none\"{}/>\n",
+                                      px(p.x), px(p.y), px(l.stroke), svg::class_of(l.colour),
+                                      shared < 1 ? " fill-opacity=\"1\"" : "")});
         continue;
       }
       if (k + 1 == points.size() || !finite(points[k + 1])) continue;
@@ -400,7 +406,8 @@ std::string Scene::operator()(const Canvas& canvas) const {
     }
   }
   std::stable_sort(pieces.begin(), pieces.end(), [](const Piece& a, const Piece& b) { return a.depth < b.depth; });
-  picture.body += "<g stroke-width=\"0.7\" stroke-linejoin=\"round\">\n";
+  picture.body += fmt::format("<g stroke-width=\"0.7\" stroke-linejoin=\"round\"{}>\n",
+                              shared < 1 ? fmt::format(" stroke=\"none\" fill-opacity=\"{:.2g}\"", shared) : "");
   for (const Piece& piece : pieces) picture.body += piece.svg;
   picture.body += "</g>\n";
   return picture.finish(height);

@@ -72,7 +72,7 @@ TEST(MachineReport, JoinsThePagesOfTheQuestions) {
 
 TEST(MachineReport, NamesWhatIsNotJudgedAndWhatWouldHelp) {
   // No compliances.
-  const machine::AnyMachine delta = loaded("delta-rotary");
+  const machine::AnyMachine delta = loaded("delta-brno");
   const auto made = machine_report(delta, small(delta));
   ASSERT_TRUE(made) << made.error().message;
   ASSERT_EQ(made->parts.size(), 4);
@@ -99,7 +99,7 @@ TEST(MachineReport, OfAMachineThatIsSingularEverywhere) {
 }
 
 TEST(MachineReport, OfATaskWithoutPlaces) {
-  const machine::AnyMachine tripod = loaded("tripod-sprint-z3");
+  const machine::AnyMachine tripod = loaded("tripod-z3");
   const auto made = machine_report(tripod, small(tripod));
   ASSERT_TRUE(made) << made.error().message;
   EXPECT_THAT(made->html, HasSubstr("Of the coordinates z, A and B, a region of"));

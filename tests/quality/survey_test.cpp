@@ -440,6 +440,18 @@ TEST(ToleranceDesign, MeetsTheWishAndNoMore) {
   EXPECT_EQ(design_tolerances(m, *s, options, {{"leg.length", 0}}, wish).error().id, "QU120");
   wish.position = 0;
   EXPECT_EQ(design_tolerances(m, *s, options, {{"leg.length", 1}}, wish).error().id, "QU120");
+
+  // The orientation alone: of one group the tolerance in proportion to the largest error that was seen.
+  DesignOptions turned;
+  turned.position = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(design_tolerances(m, *s, options, {{"leg.length", 1}}, turned).error().id, "QU120");
+  turned.orientation = 1e-3;
+  const auto angle = design_tolerances(m, *s, options, {{"leg.length", 1}}, turned);
+  ASSERT_TRUE(angle) << to_string(angle.error());
+  EXPECT_NEAR(angle->orientation, 1e-3, 1e-6);
+  const auto field = *tolerance_field(m, *s, options, *sized(m, {{"leg.length", 1}}, true));
+  const double of_one = worst_seen(m, *s, options, field.orientation, field.anywhere, 1).value;
+  EXPECT_NEAR(angle->parts[0].tolerance, 1e-3 / of_one, 1e-3 * angle->parts[0].tolerance);
 }
 
 TEST(ToleranceDesign, PromisesWhatTheErrorsShow) {

@@ -24,8 +24,9 @@ enum class DesignRule {
 struct DesignOptions {
   DesignRule rule = DesignRule::weighted;
   Region region = Region::box;
-  double position = 0;                                           ///< wanted: the tip's error at most so much, m
-  double orientation = std::numeric_limits<double>::infinity();  ///< and the orientation's, rad
+  /// Wanted: the tip's error at most so much, m, and the orientation's, rad. One of them may be infinite.
+  double position = 0;
+  double orientation = std::numeric_limits<double>::infinity();
 };
 
 struct ToleranceDesign {
