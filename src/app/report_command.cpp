@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "busy_line.hpp"
 #include "interrupt.hpp"
 #include "messages.hpp"
 #include "polypod/core/files.hpp"
@@ -76,15 +77,22 @@ Result<int> of_machine(const Options& o, const Context& context) {
   page.command = command_line();
   page.machine = o.subject;
   page.sets = o.sets;
-  const char* current = "";
+  std::string current;
   std::function<bool(double)> line;
+  std::unique_ptr<BusyLine> busy;  // until the first share of a stage is done
   page.progress = [&](const char* what, double share) {
-    if (what != current) line = progress_line(context, what);
-    current = what;
+    if (what != current) {
+      current = what;
+      line = progress_line(context, what);
+      busy = std::make_unique<BusyLine>(context, what);
+    }
+    if (!(share > 0)) return;
+    busy.reset();
     line(share);
   };
   const SingularNote singular(m, context);
   POLYPOD_ASSIGN(made, pages::machine_report(m, page));
+  busy.reset();
   if (interrupted()) return kBadInput;
   POLYPOD_TRY(files::write_whole(output, made.html));
   if (context.json) {

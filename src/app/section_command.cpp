@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 
+#include "busy_line.hpp"
 #include "commands.hpp"
 #include "messages.hpp"
 #include "polypod/core/figures.hpp"
@@ -97,8 +98,13 @@ Command section_command() {
             options.progress = nullptr;
             workspace::FieldOptions field_options;
             field_options.tilt = workspace::tilts(task);
-            field_options.progress = [line = progress_line(context, "section")](double share) { line(share); };
+            BusyLine busy(context, "looking for what is reached");
+            field_options.progress = [&busy, line = progress_line(context, "section")](double share) {
+              busy.end();
+              line(share);
+            };
             POLYPOD_ASSIGN(s, workspace::section(m, options, plane, o->resolution, field_options));
+            busy.end();
             const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, s.field);
             const std::string csv = o->csv.empty() ? "" : pages::section_csv(m, s);
             const std::string svg =

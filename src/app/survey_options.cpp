@@ -1,5 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "survey_options.hpp"
+
+#include "busy_line.hpp"
 #include "messages.hpp"
 
 #include <fmt/format.h>
@@ -8,6 +10,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <memory>
 
 #include "polypod/core/figures.hpp"
 #include "polypod/core/text.hpp"
@@ -40,7 +43,11 @@ Result<quality::SurveyOptions> SurveyArguments::options(const machine::AnyMachin
   out.workspace = options;
   out.workspace.progress = nullptr;
   out.resolution = resolution;
-  out.progress = [line = progress_line(context, "survey")](double share) { line(share); };
+  out.progress = [busy = std::make_shared<BusyLine>(context, "looking for what is reached"),
+                  line = progress_line(context, "survey")](double share) {
+    busy->end();
+    line(share);
+  };
   if (box.empty()) return out;
   POLYPOD_ASSIGN(n, numbers_of(box, "--box"));
   const machine::Task task = kinematics::task(m);
