@@ -121,7 +121,14 @@ export class Box {
       }
       const unit = this.scene.unit === '' ? '' : `, ${this.scene.unit}`;
       const off = 27 + (6.5 * widest + 14) * Math.abs(nx);
-      put(centre[0]! + off * nx, centre[1]! + off * ny, this.scene.axes[axis]! + unit, 'axis');
+      const title = this.scene.axes[axis]! + unit, half = 3.4 * title.length + 2;
+      let place: [number, number] = [centre[0]! + off * nx, centre[1]! + off * ny];
+      // Where there is no room beside the numbers, above the axis.
+      if (place[0] < half || place[0] > width - half) {
+        const top = ends[0][1] < ends[1][1] ? ends[0] : ends[1];
+        place = [top[0], top[1] - 16];
+      }
+      put(...place, title, 'axis');
     }
     for (let k = used; k < this.labels.length; ++k) this.labels[k]!.hidden = true;
   }

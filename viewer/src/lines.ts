@@ -76,6 +76,10 @@ export class Line {
     this.geometry.dispose();
     this.material.dispose();
   }
+  /** Dots are as large on the screen whatever pixels it is drawn with. */
+  sharpen(pixels: number): void {
+    if (this.data.dots) this.material.uniforms['size']!.value = 2 * this.data.stroke * pixels;
+  }
   resize(width: number, height: number): void {
     if (!this.data.dots) (this.material.uniforms['resolution']!.value as Vector2).set(width, height);
   }

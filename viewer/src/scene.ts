@@ -79,6 +79,11 @@ export class Picture {
   private width = 1;
   private tall = 1;
   private waiting = false;
+  private drawn = -1e9; // ms, when the last picture was
+  private moved = 0;
+  private coarse = 1; // share of the pixels of pictures that move
+  private sharp = 1;
+  private rest = 0;
   private marked: Line | null = null;
   private frame: { of: number; index: number } | null = null;
   private readonly framePoints: (Float32Array | null)[];
@@ -555,10 +560,32 @@ export class Picture {
       this.draw();
     });
   }
-  private draw(): void {
+  private draw(still = false): void {
+    const since = performance.now() - this.drawn, moves = !still && since < 200; // ms
+    this.sharpen(moves ? this.coarse : 1);
     this.view.camera.updateMatrixWorld(true);
     this.box.update(this.view, this.width, this.tall);
+    const begin = performance.now();
     this.renderer.render(this.scene, this.view.camera);
+    // Where pictures take longer than 30 a second leave them, as without a graphics card, those that move have fewer
+    // pixels; the last one has all of them.
+    if (moves && ++this.moved % 6 === 0) {
+      const gl = this.renderer.getContext();
+      gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4)); // waits for the picture
+      const took = performance.now() - begin;
+      if (took > 25) this.coarse = Math.max(0.4, 0.8 * this.coarse);
+      else if (took < 8) this.coarse = Math.min(1, 1.25 * this.coarse);
+    }
+    this.drawn = performance.now();
+    window.clearTimeout(this.rest);
+    if (this.sharp < 1) this.rest = window.setTimeout(() => this.draw(true), 250);
+  }
+  /** Draws with this share of the screen's pixels along each side. */
+  private sharpen(share: number): void {
+    if (share === this.sharp) return;
+    this.sharp = share;
+    this.renderer.setPixelRatio(share * this.pixels);
+    for (const line of this.lines) line.sharpen(share * this.pixels);
   }
 
   private hover(): void {
