@@ -102,6 +102,7 @@ Json safety_json(const cell::Safety& s) {
                       {"kind", g.kind},
                       {"needed_mm", finite(to_mm(g.needed))},
                       {"actual_mm", finite(to_mm(g.actual))},
+                      {"stopping_ms", g.stopping > 0 ? Json(g.stopping / units::from_ms(1)) : Json(nullptr)},
                       {"enough", g.enough},
                       {"rule", g.rule},
                       {"note", g.note}});
@@ -112,6 +113,9 @@ Json safety_json(const cell::Safety& s) {
                        {"cause", h.cause},
                        {"measure", h.measure},
                        {"gap_mm", h.gap < 0 ? Json(nullptr) : Json(to_mm(h.gap))},
+                       {"severity", h.severity},
+                       {"frequency", h.frequency},
+                       {"avoidance", h.avoidance},
                        {"from_samples", h.sampled}});
   }
   return {{"stopping_ms", s.stopping / units::from_ms(1)},
@@ -238,7 +242,8 @@ Json sweep_json(const cell::Sweep& s) {
     if (one) out["value"] = row.values[0];
     rows.push_back(out);
   }
-  Json out{{"ok", s.best.has_value()}, {"keys", keys}, {"sweep", rows}, {"best", nullptr}};
+  Json out{{"ok", s.best.has_value()}, {"keys", keys}, {"sweep", rows}, {"best", nullptr}, {"not_judged", Json::array()}};
+  if (s.best) out["not_judged"] = s.rows[*s.best].not_judged;
   if (one) out["key"] = s.axes[0].key;
   if (s.best) out["best"] = one ? Json(s.rows[*s.best].values[0]) : Json(s.rows[*s.best].values);
   return out;
@@ -246,12 +251,20 @@ Json sweep_json(const cell::Sweep& s) {
 
 /// Runs the cell with each combination; the best has no problem and the largest throughput.
 Result<int> run_sweep(const Context& context, const Options& o, const std::vector<cell::Override>& overrides,
-                      cell::CellQuestion question) {
+                      const std::function<cell::CellQuestion(const cell::Cell&)>& ask) {
   POLYPOD_ASSIGN(axes, axes_of(o.sweeps));
+  for (const auto& [key, option] : {std::pair{"minutes", "--minutes"}, std::pair{"seed", "--seed"}}) {
+    const bool swept = std::any_of(axes.begin(), axes.end(), [&](const cell::SweepAxis& a) { return a.key == key; });
+    if (swept) POLYPOD_TRY(refuse(context, {option}, fmt::format("--sweep {} gives it", key)));
+  }
   std::size_t combinations = 1, done = 0;
   for (const cell::SweepAxis& a : axes) combinations *= a.values.size();
   const auto progress = progress_line(context, "sweeping");
-  question.settings.progress = [](double) { return !interrupted(); };
+  const auto question = [&](const cell::Cell& of) {
+    cell::CellQuestion out = ask(of);
+    out.settings.progress = [](double) { return !interrupted(); };
+    return out;
+  };
   POLYPOD_ASSIGN(s, cell::sweep(o.file, overrides, axes, question, [&](const cell::SweepRow& row) {
                    if (!progress(static_cast<double>(++done) / static_cast<double>(combinations))) return false;
                    if (!context.json) {
@@ -278,6 +291,8 @@ Result<int> run_sweep(const Context& context, const Options& o, const std::vecto
       fmt::print("best of these: {:g}\n", s.rows[*s.best].values[0]);
     else
       fmt::print("best of these: {}\n", in_words(axes, s.rows[*s.best].values));
+    if (s.best)
+      for (const std::string& what : s.rows[*s.best].not_judged) fmt::print("not judged {}\n", one_line(what));
     if (!o.report.empty()) fmt::print("wrote {}\n", o.report);
   }
   return s.best ? kDone : kAnswerIsNo;
@@ -347,7 +362,7 @@ Json document(const cell::CellResult& r) {
     }
   }
   out["cost"] = cost_json(c, r.simulated() ? r.study.throughput.mean : 0);
-  out["guard_distance_mm"] = to_mm(r.safety.guard_distance);
+  out["guard_distance_mm"] = finite(to_mm(r.safety.guard_distance));
   out["reach"] = {{"judged", r.motions.judged}, {"out_of_reach", r.motions.out_of_reach}};
   out["layout"] = layout_json(r.layout);
   out["safety"] = safety_json(r.safety);
@@ -408,12 +423,14 @@ void print_result(const cell::CellResult& r) {
       fmt::print("; {:.4g} {} of running cost an item", *each, c.cost.currency);
     fmt::print("\n");
   }
-  fmt::print("guards     {:.0f} mm for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)",
-             to_mm(r.safety.guard_distance), r.safety.stopping / units::from_ms(1));
+  fmt::print("guards     {} for a stop within {:.0f} ms (ISO 13855; an aid, not an assessment)",
+             std::isfinite(r.safety.guard_distance) ? fmt::format("{:.0f} mm", to_mm(r.safety.guard_distance))
+                                                    : std::string("no distance in the standard"),
+             r.safety.stopping / units::from_ms(1));
   const cell::GuardFigure* farthest = nullptr;
   for (const cell::GuardFigure& g : r.safety.guards)
     if (std::isfinite(g.needed) && (farthest == nullptr || g.needed > farthest->needed)) farthest = &g;
-  if (farthest != nullptr && farthest->needed > r.safety.guard_distance + 1e-9)
+  if (farthest != nullptr && !(farthest->needed <= r.safety.guard_distance + 1e-9))
     fmt::print("; {} needs most, {:.0f} mm ({})", one_line(farthest->name), to_mm(farthest->needed), farthest->rule);
   fmt::print("\n");
   if (!r.layout.gaps.empty()) {
@@ -495,14 +512,18 @@ Command cell_command() {
           }
         }
         POLYPOD_ASSIGN(c, cell::read(o->file, overrides));
-        cell::CellQuestion question;
-        question.settings.seconds = units::to_per_min(context.given("--minutes") ? o->minutes : c.minutes);
-        question.settings.seed = static_cast<std::uint64_t>(context.given("--seed") ? o->seed : c.seed);
-        question.settings.policy = o->policy.empty() ? c.policy : o->policy;
+        const auto ask = [&](const cell::Cell& of) {
+          cell::CellQuestion question = cell::question_of(of);
+          if (context.given("--minutes")) question.settings.seconds = units::to_per_min(o->minutes);
+          if (context.given("--seed")) question.settings.seed = static_cast<std::uint64_t>(o->seed);
+          if (!o->policy.empty()) question.settings.policy = o->policy;
+          question.seeds = o->seeds;
+          return question;
+        };
+        if (!o->sweeps.empty()) return run_sweep(context, *o, overrides, ask);
+        cell::CellQuestion question = ask(c);
         question.settings.record = !o->events.empty() || !o->report.empty();
-        question.seeds = o->seeds;
         question.compare = o->compare;
-        if (!o->sweeps.empty()) return run_sweep(context, *o, overrides, question);
         question.settings.progress = progress_line(context, "simulating");
         const cell::CellResult result = cell::judge_cell(std::move(c), question);
         if (!result.study.complete) return kDone;  // Ctrl-C: the program says so

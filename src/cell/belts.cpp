@@ -62,7 +62,7 @@ Process World::look(Belt& b, int id, double frame) {
     note(0, camera.name, "does not see an item");
     co_return;
   }
-  co_await sim_.wait(camera.delay * settings_.camera_delay);
+  co_await sim_.wait(camera.delay);
   OnBelt* seen = find(b, id);
   if (seen == nullptr) co_return;
   seen->known = true;

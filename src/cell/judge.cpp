@@ -160,7 +160,10 @@ std::vector<Flow> flows_of(const CellResult& out) {
 std::vector<std::string> not_judged(const CellResult& r) {
   std::vector<std::string> out;
   if (!r.simulated()) {
-    out.emplace_back("the cycle: something is out of reach");
+    const bool out_of_reach = r.motions.out_of_reach > 0 ||
+                              std::any_of(r.motions.problems.begin(), r.motions.problems.end(),
+                                          [](const Problem& p) { return p.kind == "reach"; });
+    out.emplace_back(out_of_reach ? "the cycle: something is out of reach" : "the cycle: the rest has problems");
   } else {
     for (std::size_t t = 0; t < r.cell.tasks.size(); ++t) {
       const bool never = std::all_of(r.study.outcomes.begin(), r.study.outcomes.end(),
@@ -173,8 +176,7 @@ std::vector<std::string> not_judged(const CellResult& r) {
   for (const Machine& m : r.cell.machines)
     if (!(m.payload > 0)) out.push_back(fmt::format("the load of {}: it has no payload_kg", m.name));
   for (const GuardFigure& g : r.safety.guards)
-    if (!g.enough && !g.note.empty() && r.safety.problems.empty())
-      out.push_back(fmt::format("guard {}: it is not far enough by itself; a person must judge its measure", g.name));
+    if (g.measured) out.push_back(fmt::format("guard {}: it is not far enough by itself; a person must judge its measure", g.name));
   out.insert(out.end(), r.safety.not_judged.begin(), r.safety.not_judged.end());
   for (const Conveyor& c : r.cell.conveyors)
     if (!c.chute.empty()) out.push_back(fmt::format("whether items slide down the chute {} of {}", c.chute, c.name));
@@ -242,6 +244,14 @@ std::vector<std::string> assumed(const Cell& cell) {
 
 }  // namespace
 
+CellQuestion question_of(const Cell& cell) {
+  CellQuestion out;
+  out.settings.seconds = units::to_per_min(cell.minutes);
+  out.settings.seed = static_cast<std::uint64_t>(cell.seed);
+  out.settings.policy = cell.policy;
+  return out;
+}
+
 CellResult judge_cell(Cell given, const CellQuestion& question) {
   CellResult out;
   out.cell = std::move(given);
@@ -268,6 +278,7 @@ CellResult judge_cell(Cell given, const CellQuestion& question) {
   }
   if (question.plan) out.planning = planning(out.cell, flows);
   out.assumed = assumed(out.cell);
+  out.assumed.insert(out.assumed.end(), out.motions.assumed.begin(), out.motions.assumed.end());
   out.not_judged = not_judged(out);
   return out;
 }

@@ -222,6 +222,12 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
   ends.push_back(m.home);
   const motion::MotionLimits limits = limits_of(m);
   const bool cycles = has_cycles(m);
+  constexpr const char* kNoCycle = "MO105";  // too near to each other for its blends
+  int roughly = 0;
+  const auto rough = [&](const Vec3& from, const Vec3& to) {
+    ++roughly;
+    return 2 * trapezoid_time((to - from).norm(), m.tool_speed, m.tool_acceleration);
+  };
   bool said = false;
   const auto complain = [&](const Vec3& at, const std::string& why) {
     if (said) return;
@@ -256,8 +262,8 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
           const Result<motion::Plan> plan = motion::plan(m.model, cycle, limits);
           if (plan)
             time = plan->time;
-          else if (plan.error().id == "MO105")
-            time = 2 * trapezoid_time((at - ends[e]).norm(), m.tool_speed, m.tool_acceleration);
+          else if (plan.error().id == kNoCycle)
+            time = rough(at, ends[e]);
           else
             complain(at, fmt::format("{} (on the way to {}; places of the reason are in the machine's own frame)",
                                      plan.error().message, place_text(ends[e])));
@@ -278,12 +284,23 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
     if (cycles && e + 1 < ends.size()) {
       const Pose X_MC = m.X_CM.inverse();
       const Result<motion::Plan> plan = motion::plan(m.model, {X_MC * ends[e], X_MC * m.home, m.lift, m.blend}, limits);
-      home_time = plan ? plan->time : 2 * trapezoid_time((m.home - ends[e]).norm(), m.tool_speed, m.tool_acceleration);
+      if (plan) {
+        home_time = plan->time;
+      } else {
+        home_time = rough(ends[e], m.home);
+        if (plan.error().id != kNoCycle)
+          problems.push_back({"reach", fmt::format("{} ({}) cannot go from {} to its place of waiting: {}", m.name,
+                                                   task.name, place_text(ends[e]), plan.error().message)});
+      }
     } else if (end.ok) {
       home_time = end.straight + way_time(m, home, end.above, home);
     }
     out.home_times.push_back(home_time);
   }
+  if (roughly > 0)
+    all.assumed.push_back(fmt::format("{} ({}): {} ways for which the cycle of lift and blend does not fit take twice "
+                                      "the time of a straight one",
+                                      m.name, task.name, roughly));
 }
 
 /// How far a container leans, rad, at a stand when it was upright at another.

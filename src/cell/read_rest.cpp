@@ -48,6 +48,7 @@ Status Reader::guards() {
     POLYPOD_ASSIGN(opening, optional_length(table, "opening_mm", 0));
     POLYPOD_ASSIGN(shape, table.optional_text("opening_shape", "round"));
     POLYPOD_ASSIGN(opening_height, optional_length(table, "opening_height_mm", 0));
+    const bool at_height = table.has("opening_height_mm");
     POLYPOD_ASSIGN(measure, table.optional_text("measure", ""));
     if (shape != "round" && shape != "square" && shape != "slot")
       return fail("CE102", fmt::format("opening_shape \"{}\" is not known", one_line(shape)),
@@ -63,7 +64,7 @@ Status Reader::guards() {
     out.response_given = table.has("response_ms");
     out.opening = opening;
     out.opening_shape = shape;
-    out.opening_height = opening_height;
+    if (at_height) out.opening_height = opening_height;
     out.measure = measure;
     POLYPOD_TRY(table.finish());
     cell_.guards.push_back(out);

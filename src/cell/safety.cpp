@@ -245,6 +245,9 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vect
     f.name = g.name;
     f.kind = name_of(g.kind);
     f.actual = std::numeric_limits<double>::infinity();
+    const bool known = !space.empty();
+    if (!known)
+      out.not_judged.push_back(fmt::format("the distance of {} {}: no place of a machine is known", f.kind, g.name));
     std::string lacking;
     // What each place of a machine needs, for all of its heights: that which lacks most counts.
     const auto against = [&](const auto& needs) {
@@ -279,15 +282,23 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vect
         double near = std::numeric_limits<double>::infinity();
         constexpr double kArm = 0.85;  // m, of an arm through the opening
         for (const Swept& s : space)
-          if (std::min(s.at.z(), s.to.value_or(s.at).z()) < g.opening_height + kArm &&
-              std::max(s.at.z(), s.to.value_or(s.at).z()) > g.opening_height - kArm)
+          if (!g.opening_height ||
+              (bottom_of(s) < *g.opening_height + kArm && top_of(s) > *g.opening_height - kArm))
             near = std::min(near, from_wall(s, g.from, g.to));
-        if (!through || near < *through) {
+        if (!g.opening_height)
+          out.assumed.push_back(fmt::format("the openings of {} are at any height (opening_height_mm)", g.name));
+        if (!through) {
+          f.enough = false;
+          f.note = fmt::format("whole bodies pass the opening of {:.0f} mm: a smaller one is needed (ISO 13857, Table 4)",
+                               g.opening / mm);
+        } else if (near < *through) {
           f.enough = false;
           f.note = fmt::format(
-              "through the opening of {:.0f} mm the nearest place is {:.0f} mm away, {} is needed (ISO 13857, Table 4)",
-              g.opening / mm, near / mm,
-              through ? fmt::format("{:.0f} mm", *through / mm) : std::string("a smaller opening"));
+              "through the opening of {:.0f} mm the nearest place is {:.0f} mm away, {:.0f} mm are needed (ISO 13857, "
+              "Table 4)",
+              g.opening / mm, near / mm, *through / mm);
+        }
+        if (!through || near < *through) {
           out.hazards.push_back({fmt::format("opening in {}", g.name), "shearing",
                                  "between what is moved and the edge of the opening", g.measure, 0, 2, 1, 1});
         }
@@ -312,7 +323,10 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vect
         const std::optional<double> over = curtain_over_distance(f.stopping, low, high, g.height);
         return over ? std::optional(std::max(*first, *over)) : std::nullopt;
       });
-      if (first) out.guard_distance = std::max(out.guard_distance, *first);
+      if (!needed || std::isnan(out.guard_distance))
+        out.guard_distance = std::numeric_limits<double>::quiet_NaN();
+      else
+        out.guard_distance = std::max({out.guard_distance, *needed, *first});
       if (!first) {
         f.enough = false;
         f.note = "no value: its resolution or height is out of the standard's range";
@@ -324,17 +338,23 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vect
       }
     }
     f.needed = needed.value_or(std::numeric_limits<double>::quiet_NaN());
-    if (!f.enough) {
+    if (!known) {
+      f.enough = false;
+      f.note = "not judged: no place of a machine is known";
+    } else if (!f.enough) {
       const std::string text = f.note.empty() ? fmt::format("guard {}: {:.0f} mm from {}, {:.0f} mm are needed ({})",
                                                             g.name, f.actual / mm, lacking, *needed / mm, f.rule)
                                               : fmt::format("guard {}: {}", g.name, f.note);
-      if (g.measure.empty())
+      f.measured = !g.measure.empty();
+      if (!f.measured)
         out.problems.push_back({"guard", text});
       else
         f.note += fmt::format("{}stated measure, to be judged: {}", f.note.empty() ? "" : "; ", g.measure);
     }
     out.guards.push_back(f);
   }
+  if (!cell.guards.empty())
+    out.not_judged.emplace_back("what reaches beneath the guards: the file has no lower edges of them");
   const std::string open = way_in(cell, space);
   if (!open.empty() && cell.open_sides.empty()) {
     out.problems.push_back(

@@ -228,7 +228,8 @@ Outcome World::finish() {
     const Source& source = cell_.sources[k];
     if (held_since_[k]) out_.held[k] += worked - *held_since_[k];
     if (source.arrival != Source::Arrival::list) {
-      out_.lost[k] = static_cast<int>(source.rate * out_.held[k] + 1e-9);
+      const double left = static_cast<double>(source.limit) - fed_[k];
+      out_.lost[k] = static_cast<int>(std::clamp(std::floor(source.rate * out_.held[k] + 1e-9), 0.0, left));
       continue;
     }
     const auto due = std::upper_bound(source.times.begin(), source.times.end(), sim_.now()) - source.times.begin();

@@ -57,7 +57,7 @@ struct Floor {
 std::string way_in(const Cell& cell, const std::vector<Swept>& space) {
   constexpr double kReach = 2.7;  // m: ISO 13857, 4.2.1, reaching upwards
   constexpr double kGap = 0.120, kStep = 0.030, kMargin = 0.5;
-  constexpr double kMost = 400;  // squares a side
+  constexpr double kMost = 1600;  // squares a side
   // What reaches through a guard is a matter of that guard.
   std::vector<Swept> behind, balls;
   for (const Swept& s : space) {

@@ -13,13 +13,10 @@ std::optional<double> cost_per_item(const Cost& cost, double throughput_per_min)
 }
 
 Result<Sweep> sweep(const std::string& file, const std::vector<Override>& overrides, const std::vector<SweepAxis>& axes,
-                    const CellQuestion& question, const std::function<bool(const SweepRow&)>& each) {
+                    const std::function<CellQuestion(const Cell&)>& ask,
+                    const std::function<bool(const SweepRow&)>& each) {
   Sweep out;
   out.axes = axes;
-  out.seconds = question.settings.seconds;
-  out.seeds = question.seeds;
-  CellQuestion asked = question;
-  asked.plan = false;
   std::vector<std::size_t> at(axes.size(), 0);
   for (bool more = true; more;) {
     SweepRow row;
@@ -30,6 +27,10 @@ Result<Sweep> sweep(const std::string& file, const std::vector<Override>& overri
     }
     POLYPOD_ASSIGN(c, read(file, with));
     out.name = c.name;
+    CellQuestion asked = ask(c);
+    asked.plan = false;
+    out.seconds = out.rows.empty() || out.seconds == asked.settings.seconds ? asked.settings.seconds : 0;
+    out.seeds = asked.seeds;
     const CellResult r = judge_cell(std::move(c), asked);
     if (!r.study.complete) {
       out.complete = false;
@@ -38,6 +39,7 @@ Result<Sweep> sweep(const std::string& file, const std::vector<Override>& overri
     row.simulated = r.simulated();
     row.floor_area = r.layout.floor_area;
     row.problems = r.problems;
+    row.not_judged = r.not_judged;
     if (row.simulated) {
       row.throughput = r.study.throughput;
       for (const Outcome& o : r.study.outcomes) row.missed += o.missed / static_cast<double>(r.study.outcomes.size());

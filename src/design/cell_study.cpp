@@ -184,10 +184,7 @@ Result<Evaluation> evaluate_cell(const Study& s, const std::vector<double>* vari
     out.reason = made.error().message;
     return done();
   }
-  cell::CellQuestion question;
-  question.settings.seconds = units::to_per_min(made->minutes);
-  question.settings.seed = static_cast<std::uint64_t>(made->seed);
-  question.settings.policy = made->policy;
+  cell::CellQuestion question = cell::question_of(*made);
   question.settings.progress = [&](double) { return !(options.cancelled && options.cancelled()); };
   question.seeds = s.runs;
   question.plan = false;

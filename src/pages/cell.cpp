@@ -518,9 +518,7 @@ void machine_section(report::Report& page, const CellResult& r) {
   }
   page.add_text(fmt::format(
       "{} places were asked for, by the machines' own inverse kinematics and limits; {} are out of reach.",
-      r.motions.judged, std::count_if(r.motions.problems.begin(), r.motions.problems.end(), [](const cell::Problem& p) {
-        return p.kind == "reach";
-      })));
+      r.motions.judged, r.motions.out_of_reach));
 }
 
 void cycle_section(report::Report& page, const CellResult& r) {
@@ -626,11 +624,16 @@ void cost_section(report::Report& page, const CellResult& r) {
   }
   table.rows.push_back({std::string("total"), std::string(""), std::string(""), plain(cost.total()), std::string("")});
   page.add_table(table);
-  if (r.simulated() && cost.running_price > 0 && r.study.throughput.mean > 0) {
-    page.add_text(fmt::format("Running costs {} {} an item.",
-                              report::number(units::from_per_min(cost.running_price) / r.study.throughput.mean),
-                              cost.currency));
-  }
+  if (const auto each = cell::cost_per_item(cost, r.simulated() ? r.study.throughput.mean : 0))
+    page.add_text(fmt::format("Running costs {} {} an item.", report::number(*each), cost.currency));
+  if (cost.hours > 0 && cost.hour_price > 0)
+    page.add_text(fmt::format("Assembly at {} {} an hour costs {} {}, not in the sum.", plain(cost.hour_price),
+                              cost.currency, report::fixed(cost.hours * cost.hour_price, 0), cost.currency));
+}
+
+/// Without a number where the standard has none.
+std::string distance_text(const cell::Safety& safety) {
+  return std::isfinite(safety.guard_distance) ? report::fixed(to_mm(safety.guard_distance), 0) : "no";
 }
 
 void safety_section(report::Report& page, const CellResult& r) {
@@ -638,8 +641,8 @@ void safety_section(report::Report& page, const CellResult& r) {
   page.add_verdict(Verdict::neutral,
                    "This is an aid for whoever assesses the risk of the cell (ISO 12100). It is no assessment and no "
                    "proof of conformity. Check each figure against your copy of the standard.");
-  page.add_key_figures({{report::fixed(to_mm(r.safety.guard_distance), 0), "mm",
-                         "least distance of light curtain or scanner", Verdict::neutral},
+  page.add_key_figures({{distance_text(r.safety), "mm", "largest distance that light curtain or scanner needs",
+                         Verdict::neutral},
                         {report::fixed(r.safety.stopping / units::from_ms(1), 0), "ms",
                          "until the slowest machine stands", Verdict::neutral}});
   page.add_text(
@@ -647,11 +650,12 @@ void safety_section(report::Report& page, const CellResult& r) {
       "for what reaches through before it is seen.");
   report::Table guards;
   guards.caption = "Guards.";
-  guards.columns = {{"guard", "", -1}, {"kind", "", -1}, {"needed", "mm", 0},
+  guards.columns = {{"guard", "", -1}, {"kind", "", -1}, {"T", "ms", -1},  {"needed", "mm", 0},
                     {"is", "mm", 0},   {"rule", "", -1}, {"note", "", -1}};
   for (const cell::GuardFigure& g : r.safety.guards)
     guards.rows.push_back(
-        {g.name, g.kind, to_mm(g.needed), to_mm(g.actual), g.rule,
+        {g.name, g.kind, g.stopping > 0 ? report::fixed(g.stopping / units::from_ms(1), 0) : std::string("–"),
+         to_mm(g.needed), to_mm(g.actual), g.rule,
          (g.enough ? "far enough" : "not far enough by itself") + (g.note.empty() ? std::string("") : "; " + g.note)});
   page.add_table(guards);
   report::Table hazards;
@@ -730,7 +734,7 @@ std::string cell_page(const CellResult& r, const std::string& version, const std
         {{with_interval(r.study.throughput, r.study.outcomes.size() > 1 ? 2 : 1), "/min", "items into containers",
           Verdict::neutral},
          {report::fixed(r.cell.cost.total(), 0), r.cell.cost.currency, "parts", Verdict::neutral},
-         {report::fixed(to_mm(r.safety.guard_distance), 0), "mm", "guard distance (ISO 13855)", Verdict::neutral}});
+         {distance_text(r.safety), "mm", "guard distance (ISO 13855)", Verdict::neutral}});
   }
   page.add_text(
       "Judged: reach and limits of the machines at each place, bodies and links at sampled positions, the load of arms "

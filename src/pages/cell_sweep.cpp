@@ -119,11 +119,11 @@ std::string cell_sweep_page(const cell::Sweep& s, const std::string& version, co
     page.add_text(
         fmt::format("{}: {} values from {:g} to {:g}.", a.key, a.values.size(), a.values.front(), a.values.back()));
   page.add_text(fmt::format(
-      "Each combination was judged as by the command polypod cell alone, in {:g} s of simulated time and {} run{}, all "
-      "with "
+      "Each combination was judged as by the command polypod cell alone, in {} of simulated time and {} run{}, all with "
       "the same random numbers. Numbers between those of the sweep were not judged, nor what the page of a cell lists "
       "as not judged.",
-      s.seconds, s.seeds, s.seeds == 1 ? "" : "s"));
+      s.seconds > 0 ? fmt::format("{:g} s", s.seconds) : std::string("the time of each"), s.seeds,
+      s.seeds == 1 ? "" : "s"));
   constexpr std::size_t kMapped = 4;  // from fewer values colours between them would say more than is known
   if (s.axes.size() > 0 && std::any_of(s.rows.begin(), s.rows.end(), [](const auto& r) { return r.simulated; })) {
     if (s.axes.size() == 1)

@@ -441,10 +441,7 @@ Response Site::page(std::size_t number) const {
   if (item.kind == Item::Kind::cell) {
     auto cell = cell::read(item.path);
     if (!cell) return error_page(name, cell.error());
-    cell::CellQuestion question;
-    question.settings.seconds = units::to_per_min(cell->minutes);
-    question.settings.seed = static_cast<std::uint64_t>(cell->seed);
-    question.settings.policy = cell->policy;
+    cell::CellQuestion question = cell::question_of(*cell);
     question.settings.record = true;
     question.settings.progress = [this](double) { return !*stopped_; };
     return {200, "text/html; charset=utf-8", pages::cell_page(cell::judge_cell(std::move(*cell), question), version_)};

@@ -185,7 +185,9 @@ TEST(Layout, ItemsOnBeltsAreInTheWay) {
   const Motions m = motions(*cell);
   EXPECT_FALSE(finds(layout(*cell, m), "collision", "items on B"));
   cell->items[0].height = 0.25;  // 1.2 m: as high as the tins that are poured out
-  EXPECT_FALSE(finds(layout(*cell, m), "collision", "empty) reaches into items on B")) << "it works there";
+  const Layout high = layout(*cell, m);
+  EXPECT_FALSE(finds(high, "collision", "empty) runs into items on B")) << "it works there";
+  EXPECT_TRUE(finds(high, "collision", "delta (home) runs into items on A")) << "there it only waits";
 }
 
 // The bottom of a box that hangs from a tool at 1000 mm is at 975 mm; on the way from P to Q2 the tool sinks a little.

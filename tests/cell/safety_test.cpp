@@ -2,12 +2,13 @@
 // Distances of guards against the formulas of the standards, worked by hand in mm.
 #include "polypod/cell/safety.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <cstdio>
-
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 
 namespace polypod::cell {
 namespace {
@@ -40,6 +41,80 @@ TEST(Safety, ReachingOverLightCurtains) {
   EXPECT_NEAR(*curtain_over_distance(0.1, 2.2, 2.0), 0.560, kRounding);
   EXPECT_EQ(*curtain_over_distance(0.334, 1.4, 2.0), 0) << "nobody reaches over it";
   EXPECT_FALSE(curtain_over_distance(0.334, 1.0, 0.89));
+}
+
+// The tables by their columns, from the highest hazard to the floor: each entry, and no distance that grows with the guard.
+TEST(Safety, EveryEntryOfTheTables) {
+  struct Column {
+    int guard;                      // mm
+    std::array<int, 15> distances;  // mm
+  };
+  constexpr std::array<int, 15> kHazards{2700, 2600, 2400, 2200, 2000, 1800, 1600, 1400, 1200, 1000, 800, 600, 400, 200, 0};
+  constexpr std::array<Column, 10> kFences{{
+      {1000, {0, 900, 1100, 1300, 1400, 1500, 1500, 1500, 1500, 1500, 1500, 1400, 1400, 1200, 1100}},
+      {1200, {0, 800, 1000, 1200, 1300, 1400, 1400, 1400, 1400, 1400, 1300, 1300, 1200, 900, 500}},
+      {1400, {0, 700, 900, 1000, 1100, 1100, 1100, 1100, 1100, 1000, 900, 800, 400, 0, 0}},
+      {1600, {0, 600, 800, 900, 900, 900, 900, 900, 900, 800, 600, 0, 0, 0, 0}},
+      {1800, {0, 600, 700, 800, 800, 800, 800, 800, 700, 0, 0, 0, 0, 0, 0}},
+      {2000, {0, 500, 600, 600, 600, 600, 500, 0, 0, 0, 0, 0, 0, 0, 0}},
+      {2200, {0, 400, 400, 400, 400, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+      {2400, {0, 300, 300, 300, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+      {2500, {0, 100, 100, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+      {2700, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}}}};
+  for (const Column& column : kFences) {
+    for (std::size_t k = 0; k < kHazards.size(); ++k) {
+      SCOPED_TRACE(fmt::format("fence of {} mm, hazard at {} mm", column.guard, kHazards[k]));
+      EXPECT_NEAR(*reach_over_distance(1e-3 * kHazards[k], 1e-3 * column.guard), 1e-3 * column.distances[k], kRounding);
+    }
+  }
+  constexpr std::array<int, 15> kBehind{2600, 2500, 2400, 2200, 2000, 1800, 1600, 1400, 1200, 1000, 800, 600, 400, 200, 0};
+  constexpr std::array<Column, 12> kCurtains{{
+      {900, {0, 400, 550, 800, 950, 1100, 1150, 1200, 1200, 1200, 1150, 1050, 900, 600, 0}},
+      {1000, {0, 400, 550, 750, 950, 1100, 1150, 1200, 1200, 1150, 1050, 950, 700, 0, 0}},
+      {1100, {0, 350, 550, 750, 850, 950, 1100, 1100, 1100, 1050, 950, 750, 0, 0, 0}},
+      {1200, {0, 300, 500, 700, 850, 950, 1000, 1000, 1000, 950, 800, 550, 0, 0, 0}},
+      {1300, {0, 300, 450, 650, 800, 850, 900, 900, 850, 750, 500, 0, 0, 0, 0}},
+      {1400, {0, 300, 450, 650, 750, 800, 850, 850, 800, 700, 450, 0, 0, 0, 0}},
+      {1600, {0, 300, 400, 600, 700, 750, 750, 650, 0, 0, 0, 0, 0, 0, 0}},
+      {1800, {0, 300, 400, 550, 550, 550, 450, 0, 0, 0, 0, 0, 0, 0, 0}},
+      {2000, {0, 250, 300, 400, 400, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+      {2200, {0, 150, 250, 250, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+      {2400, {0, 100, 100, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
+      {2600, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}}}};
+  for (const Column& column : kCurtains) {
+    for (std::size_t k = 0; k < kBehind.size(); ++k) {
+      SCOPED_TRACE(fmt::format("curtain up to {} mm, hazard at {} mm", column.guard, kBehind[k]));
+      constexpr double kStop = 1;  // s: K is 1.6 m/s, whatever C is
+      const double s = *curtain_over_distance(kStop, 1e-3 * kBehind[k], 1e-3 * column.guard);
+      EXPECT_NEAR(s, column.distances[k] > 0 ? 1.6 * kStop + 1e-3 * column.distances[k] : 0, kRounding);
+    }
+  }
+  for (int hazard = 0; hazard <= 2700; hazard += 50) {
+    double fence = 1e9, curtain = 1e9;
+    for (int guard = 1000; guard <= 2700; guard += 50) {
+      const double of_fence = *reach_over_distance(1e-3 * hazard, 1e-3 * guard);
+      const double of_curtain = *curtain_over_distance(1, 1e-3 * hazard, 1e-3 * guard);
+      EXPECT_LE(of_fence, fence) << hazard << ' ' << guard;
+      EXPECT_LE(of_curtain, curtain) << hazard << ' ' << guard;
+      fence = of_fence;
+      curtain = of_curtain;
+    }
+  }
+}
+
+// ISO 13857, Table 4, for slots, squares and rounds at the upper end of each row.
+TEST(Safety, EveryRowOfTheOpenings) {
+  struct Row {
+    double opening, slot, square, round;  // mm
+  };
+  for (const Row& row : {Row{4, 2, 2, 2}, Row{6, 10, 5, 5}, Row{8, 20, 15, 5}, Row{10, 80, 25, 20}, Row{12, 100, 80, 80},
+                         Row{20, 120, 120, 120}, Row{30, 850, 120, 120}, Row{40, 850, 200, 120}, Row{120, 850, 850, 850}}) {
+    SCOPED_TRACE(row.opening);
+    EXPECT_NEAR(*reach_through_distance("slot", 1e-3 * row.opening), 1e-3 * row.slot, kRounding);
+    EXPECT_NEAR(*reach_through_distance("square", 1e-3 * row.opening), 1e-3 * row.square, kRounding);
+    EXPECT_NEAR(*reach_through_distance("round", 1e-3 * row.opening), 1e-3 * row.round, kRounding);
+  }
+  EXPECT_FALSE(reach_through_distance("round", 0.1201));
 }
 
 Guard fence(const std::string& name, const Vec3& from, const Vec3& to) {
@@ -301,12 +376,13 @@ TEST(Safety, WhatAGuardRestsOnIsStatedOrNotJudged) {
   Cell cell = behind(g);
   const std::vector<Swept> space{{{1, 1, 1}, 0.1, "arm"}};
   const Safety out = safety(cell, space);
-  ASSERT_EQ(out.not_judged.size(), 1U);
+  ASSERT_EQ(out.not_judged.size(), 2U);  // and what reaches beneath it
   for (const char* key : {"response_ms", "control_response_ms", "resolution_mm (30 is taken)"})
     EXPECT_NE(out.not_judged[0].find(key), std::string::npos) << out.not_judged[0];
   cell.control_response_given = true;
   cell.guards[0].response_given = cell.guards[0].resolution_given = true;
-  EXPECT_TRUE(safety(cell, space).not_judged.empty());
+  ASSERT_EQ(safety(cell, space).not_judged.size(), 1U);
+  EXPECT_NE(safety(cell, space).not_judged[0].find("beneath"), std::string::npos);
 }
 
 // A fence of 2 m with round openings of 30 mm: 120 mm (ISO 13857, Table 4) from the surface of what is moved.
@@ -320,9 +396,75 @@ TEST(Safety, OpeningsCountFromTheSurfaceOfWhatIsMoved) {
   const Safety near = safety(cell, {{{1, 0.15, 1}, 0.10, "arm"}});
   ASSERT_EQ(near.guards.size(), 1U);
   EXPECT_FALSE(near.guards[0].enough);
-  EXPECT_NE(near.guards[0].note.find("50 mm away, 120 mm is needed"), std::string::npos) << near.guards[0].note;
-  // Out of an arm's reach up or down through the opening.
-  EXPECT_TRUE(safety(cell, {{{1, 0.15, 0.1}, 0.10, "arm"}}).guards[0].enough);
+  EXPECT_NE(near.guards[0].note.find("50 mm away, 120 mm are needed"), std::string::npos) << near.guards[0].note;
+  // Out of an arm's reach up or down through the opening: with its whole surface, of which the top is 0.85 m below.
+  EXPECT_TRUE(safety(cell, {{{1, 0.15, 0.04}, 0.10, "arm"}}).guards[0].enough);
+  EXPECT_FALSE(safety(cell, {{{1, 0.15, 0.06}, 0.10, "arm"}}).guards[0].enough);
+}
+
+// Openings at a height that is not stated are at any.
+TEST(Safety, OpeningsAtAnyHeight) {
+  Guard g;
+  g.height = 2;
+  g.opening = 0.030;
+  Cell cell = behind(g);
+  const Safety out = safety(cell, {{{1, 0.15, 1.9}, 0.10, "arm"}});
+  EXPECT_FALSE(out.guards[0].enough);
+  EXPECT_TRUE(std::any_of(out.assumed.begin(), out.assumed.end(),
+                          [](const std::string& a) { return a.find("opening_height_mm") != std::string::npos; }));
+  // A body passes, whatever is near.
+  cell.guards[0].opening = 0.2;
+  const Safety wide = safety(cell, {{{1, 1.9, 1}, 0.10, "arm"}});
+  EXPECT_FALSE(wide.guards[0].enough);
+  EXPECT_EQ(wide.guards[0].note, "whole bodies pass the opening of 200 mm: a smaller one is needed (ISO 13857, Table 4)");
+}
+
+// 1.6 m/s 0.3 s + 1200 mm - 0.4 * 300 mm = 1560 mm, whatever reaches over it.
+TEST(Safety, AScannersDistance) {
+  Guard g;
+  g.kind = Guard::Kind::scanner;
+  g.height = 0.3;
+  g.resolution = 0.05;
+  Cell cell = behind(g);
+  const Safety out = safety(cell, {{{1, 1.6, 1}, 0.1, "arm"}});
+  EXPECT_NEAR(out.guards.at(0).needed, 1.560, kRounding);
+  EXPECT_NEAR(out.guard_distance, 1.560, kRounding);
+  EXPECT_FALSE(out.guards[0].enough);
+  // Too coarse for so low a field: one could crawl beneath, and the standard has no value.
+  cell.guards[0].resolution = 0.08;
+  cell.guards[0].measure = "a mat";
+  const Safety none = safety(cell, {{{1, 1.6, 1}, 0.1, "arm"}});
+  EXPECT_TRUE(std::isnan(none.guard_distance)) << "not 0 mm";
+  EXPECT_FALSE(none.guards[0].enough);
+  EXPECT_TRUE(none.guards[0].measured);
+}
+
+// What reaches over a curtain counts: 1.6 m/s 0.3 s + 1200 mm = 1680 mm (a = 1000, b = 900), and 608 through it.
+TEST(Safety, TheGuardDistanceHoldsForReachingOver) {
+  Guard g;
+  g.kind = Guard::Kind::curtain;
+  g.height = 0.9;
+  const Cell cell = behind(g);
+  const Safety out = safety(cell, {{{1, 1, 1}, 0, "arm"}});
+  EXPECT_NEAR(out.guard_distance, 1.680, kRounding);
+}
+
+TEST(Safety, LowFencesHoldNobodyBack) {
+  Guard g;
+  g.height = 0.99;
+  const Safety out = safety(behind(g), {{{1, 1.9, 1}, 0.1, "arm"}});
+  EXPECT_FALSE(out.guards.at(0).enough);
+  EXPECT_EQ(out.guards[0].note, "fences below 1 m do not hold anybody back");
+}
+
+// Where nothing is known of the machines no guard is far enough.
+TEST(Safety, NothingIsJudgedWithoutPlaces) {
+  Guard g;
+  g.height = 2.2;
+  const Safety out = safety(behind(g), {});
+  EXPECT_FALSE(out.guards.at(0).enough);
+  EXPECT_TRUE(out.problems.empty());
+  EXPECT_NE(out.not_judged.at(0).find("no place of a machine is known"), std::string::npos);
 }
 
 }  // namespace

@@ -180,7 +180,7 @@ struct Guard {
   bool resolution_given = false, response_given = false;
   double opening = 0;                   ///< m, the largest opening in it
   std::string opening_shape = "round";  ///< slot, square, round
-  double opening_height = 0;            ///< m
+  std::optional<double> opening_height = std::nullopt;  ///< m, of its axis; none: at any height
   std::string measure;                  ///< what else protects there, in words
 };
 

@@ -22,6 +22,9 @@ struct CellQuestion {
   bool only_sound = false;  ///< the cycle only where reach, bodies and guards have no problem
 };
 
+/// What the file of a cell asks by itself: its time, seed and policy.
+CellQuestion question_of(const Cell& cell);
+
 /// Everything that is known of a cell.
 struct CellResult {
   Cell cell;

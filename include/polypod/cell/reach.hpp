@@ -64,6 +64,7 @@ struct Motions {
   std::vector<std::vector<std::vector<Stand>>> stands;  ///< machine, spot, slot: those that a task needs, else not ok
   std::vector<PickTable> picks;                         ///< of each task; empty where it takes no items
   std::vector<Problem> problems;                        ///< what is out of reach or too heavy
+  std::vector<std::string> assumed;                     ///< times that were not planned
   int judged = 0;                                       ///< places that were asked for
   int out_of_reach = 0;                                 ///< of them
 };

@@ -63,6 +63,7 @@ struct GuardFigure {
   double needed = 0;    ///< m
   double actual = 0;    ///< m, from the guard to the place of a machine that lacks most
   bool enough = false;
+  bool measured = false;  ///< it is not far enough, and the file states another measure
   std::string rule, note;
 };
 struct Hazard {
@@ -72,7 +73,9 @@ struct Hazard {
   bool sampled = false;                            ///< the gap is the least at samples: between them it may be less
 };
 struct Safety {
-  double guard_distance = 0;  ///< m, the largest distance that a guard needs after ISO 13855
+  /// m, the largest distance that a light curtain or scanner needs after ISO 13855, reaching over it included; NaN where
+  /// the standard has no value for one of them.
+  double guard_distance = 0;
   double stopping = 0;        ///< s, of the slowest machine
   std::vector<GuardFigure> guards;
   std::vector<Hazard> hazards;
@@ -93,8 +96,8 @@ struct Swept {
 };
 /// Where a person can walk to a place that a machine comes to (up to 2.7 m above the floor) and passes no guard: "from
 /// the left", or "near 100, 200, 0 mm" for a gap; empty where guards surround everything. Gaps of up to about 120 mm
-/// count as closed (ISO 13857, Table 4: whole bodies do not pass). Seen from above, on a grid of 30 mm or 1/400 of the
-/// cell.
+/// count as closed (ISO 13857, Table 4: whole bodies do not pass). Seen from above, on a grid of 30 mm, and of no more
+/// than 80 mm in cells of up to 128 m.
 std::string way_in(const Cell& cell, const std::vector<Swept>& space);
 
 /// The least gap that was found between a machine, or what it carries, and something that stands.

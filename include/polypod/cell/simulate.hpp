@@ -103,7 +103,6 @@ struct RunSettings {
   bool record = false;                   ///< keep events and intervals
   std::vector<double> machine_time;      ///< factor of all times of each machine; empty: 1
   std::vector<double> belt_speed;        ///< factor of the speed of each belt; empty: 1
-  double camera_delay = 1;               ///< factor
   std::function<bool(double)> progress;  ///< share done; false ends the run
 };
 

@@ -26,20 +26,22 @@ struct SweepRow {
   double floor_area = 0;  ///< m2
   std::optional<double> cost_per_item;
   std::vector<Problem> problems;
+  std::vector<std::string> not_judged;
 };
 struct Sweep {
   std::string name;
   std::vector<SweepAxis> axes;
   std::vector<SweepRow> rows;       ///< the last axis fastest
   std::optional<std::size_t> best;  ///< of those without a problem the first with the largest throughput
-  double seconds = 0;               ///< simulated, of each
+  double seconds = 0;               ///< simulated, of each; 0: not the same
   int seeds = 1;
   bool complete = true;
 };
-/// Every row is judged by `question` with the same seeds. Errors: those of cell::read for any of the combinations.
-/// `each` is called after each row; false ends the sweep.
+/// Every row is judged by what `ask` says of its cell, with the same seeds. Errors: those of cell::read for any of the
+/// combinations. `each` is called after each row; false ends the sweep.
 Result<Sweep> sweep(const std::string& file, const std::vector<Override>& overrides, const std::vector<SweepAxis>& axes,
-                    const CellQuestion& question, const std::function<bool(const SweepRow&)>& each = {});
+                    const std::function<CellQuestion(const Cell&)>& ask,
+                    const std::function<bool(const SweepRow&)>& each = {});
 
 /// Money that the cell's hours cost an item; none where the cell has no price of an hour, or places nothing.
 std::optional<double> cost_per_item(const Cost& cost, double throughput_per_min);
