@@ -96,9 +96,8 @@ TEST(CellPages, SafetyAndCostAreThoseOfTheResult) {
   const double each = 30 / (60 * result.study.throughput.mean);
   EXPECT_THAT(html, HasSubstr("Running costs " + report::number(each)));
   EXPECT_THAT(html, HasSubstr(" an hour costs 200 "));
-  EXPECT_THAT(html, HasSubstr(fmt::format("{} places were asked for, by the machines' own inverse kinematics and limits; "
-                                          "{} are out of reach.",
-                                          result.motions.judged, result.motions.out_of_reach)));
+  EXPECT_THAT(html, HasSubstr(fmt::format("{} places were asked for", result.motions.judged)));
+  EXPECT_THAT(html, HasSubstr(fmt::format("; {} are out of reach.", result.motions.out_of_reach)));
 }
 
 }  // namespace
