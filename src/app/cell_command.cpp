@@ -363,6 +363,7 @@ Json document(const cell::CellResult& r) {
   }
   out["cost"] = cost_json(c, r.simulated() ? r.study.throughput.mean : 0);
   out["guard_distance_mm"] = finite(to_mm(r.safety.guard_distance));
+  out["guard_needed_mm"] = finite(to_mm(r.safety.guard_needed));
   out["reach"] = {{"judged", r.motions.judged}, {"out_of_reach", r.motions.out_of_reach}};
   out["layout"] = layout_json(r.layout);
   out["safety"] = safety_json(r.safety);

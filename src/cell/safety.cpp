@@ -323,10 +323,12 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vect
         const std::optional<double> over = curtain_over_distance(f.stopping, low, high, g.height);
         return over ? std::optional(std::max(*first, *over)) : std::nullopt;
       });
-      if (!needed || std::isnan(out.guard_distance))
-        out.guard_distance = std::numeric_limits<double>::quiet_NaN();
-      else
-        out.guard_distance = std::max({out.guard_distance, *needed, *first});
+      // NaN stays.
+      const auto raise = [](double& to, const std::optional<double>& by) {
+        to = by ? (to < *by ? *by : to) : std::numeric_limits<double>::quiet_NaN();
+      };
+      raise(out.guard_distance, first);
+      raise(out.guard_needed, first ? needed : first);
       if (!first) {
         f.enough = false;
         f.note = "no value: its resolution or height is out of the standard's range";
@@ -365,6 +367,7 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vect
   if (!device) {
     constexpr double kResponse = 0.020, kResolution = 0.030;
     out.guard_distance = *curtain_distance(kResponse + cell.control_response + out.stopping, kResolution);
+    out.guard_needed = out.guard_distance;
     out.assumed.push_back(
         fmt::format("the cell has no light curtain or scanner: the guard distance is that of a curtain of 30 mm with a "
                     "response of 20 ms{}",

@@ -633,7 +633,7 @@ void cost_section(report::Report& page, const CellResult& r) {
 
 /// Without a number where the standard has none.
 std::string distance_text(const cell::Safety& safety) {
-  return std::isfinite(safety.guard_distance) ? report::fixed(to_mm(safety.guard_distance), 0) : "no";
+  return std::isfinite(safety.guard_needed) ? report::fixed(to_mm(safety.guard_needed), 0) : "no";
 }
 
 void safety_section(report::Report& page, const CellResult& r) {

@@ -434,7 +434,7 @@ TEST(Safety, AScannersDistance) {
   cell.guards[0].resolution = 0.08;
   cell.guards[0].measure = "a mat";
   const Safety none = safety(cell, {{{1, 1.6, 1}, 0.1, "arm"}});
-  EXPECT_TRUE(std::isnan(none.guard_distance)) << "not 0 mm";
+  EXPECT_TRUE(std::isnan(none.guard_distance) && std::isnan(none.guard_needed)) << "not 0 mm";
   EXPECT_FALSE(none.guards[0].enough);
   EXPECT_TRUE(none.guards[0].measured);
 }
@@ -446,7 +446,8 @@ TEST(Safety, TheGuardDistanceHoldsForReachingOver) {
   g.height = 0.9;
   const Cell cell = behind(g);
   const Safety out = safety(cell, {{{1, 1, 1}, 0, "arm"}});
-  EXPECT_NEAR(out.guard_distance, 1.680, kRounding);
+  EXPECT_NEAR(out.guard_distance, 0.608, kRounding);
+  EXPECT_NEAR(out.guard_needed, 1.680, kRounding);
 }
 
 TEST(Safety, LowFencesHoldNobodyBack) {

@@ -91,7 +91,7 @@ TEST(CellPages, SafetyAndCostAreThoseOfTheResult) {
       EXPECT_THAT(row, HasSubstr(">" + report::fixed(value, 0) + "<"));
     }
   }
-  EXPECT_THAT(html, HasSubstr(report::fixed(units::to_mm(result.safety.guard_distance), 0)));
+  EXPECT_THAT(html, HasSubstr(report::fixed(units::to_mm(result.safety.guard_needed), 0)));
   // 30 an hour over the items of an hour.
   const double each = 30 / (60 * result.study.throughput.mean);
   EXPECT_THAT(html, HasSubstr("Running costs " + report::number(each)));

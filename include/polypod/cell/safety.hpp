@@ -73,9 +73,9 @@ struct Hazard {
   bool sampled = false;                            ///< the gap is the least at samples: between them it may be less
 };
 struct Safety {
-  /// m, the largest distance that a light curtain or scanner needs after ISO 13855, reaching over it included; NaN where
-  /// the standard has no value for one of them.
-  double guard_distance = 0;
+  /// m, the largest S = K T + C of a light curtain or scanner (ISO 13855), and with reaching over it: what it needs. NaN
+  /// where the standard has no value for one of them.
+  double guard_distance = 0, guard_needed = 0;
   double stopping = 0;        ///< s, of the slowest machine
   std::vector<GuardFigure> guards;
   std::vector<Hazard> hazards;
