@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +13,7 @@
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/posture.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machining/place.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -244,7 +246,15 @@ Command place_command() {
         if (!o->dynamics.empty()) inputs.push_back(o->dynamics);
         POLYPOD_TRY(check_files(inputs, {o->report}, context.json));
         POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
-        if (!o->branch.empty()) in.job.posture = o->branch;  // at the start it may be out of reach
+        if (!o->branch.empty()) {  // at the start it may be out of reach
+          const std::vector<std::string> known = kinematics::all_postures(in.job.machine);
+          if (std::find(known.begin(), known.end(), o->branch) == known.end()) {
+            return fail("AP123", fmt::format("--branch {}: this machine has no such posture", one_line(o->branch)), {},
+                        known.empty() ? "it has one posture, or its postures have no names: leave it out"
+                                      : fmt::format("there are {}", fmt::join(known, ", ")));
+          }
+          in.job.posture = o->branch;
+        }
         POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
         POLYPOD_TRY(o->weight.prepare(in.job, o->dynamics, context));
         options.resolution = o->resolution;

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 
@@ -11,6 +12,7 @@
 #include "messages.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/pages/folder.hpp"
 #include "polypod/pages/machine_report.hpp"
 #include "quality_files.hpp"
@@ -30,6 +32,12 @@ struct Options {
 
 constexpr config::Range kNoise_um{1e-3, 1e6};
 
+/// Whether a machine of the catalogue has the name of a folder.
+bool in_catalogue(const std::string& name) {
+  const auto& all = machine::catalogue();
+  return std::any_of(all.begin(), all.end(), [&](const auto& entry) { return entry.name == name; });
+}
+
 Result<int> of_folder(const Options& o, const Context& context) {
   const std::string output = o.output.empty() ? (fs::path(o.subject) / "index.html").string() : o.output;
   const fs::path place = fs::path(output).has_parent_path() ? fs::path(output).parent_path() : fs::path(".");
@@ -38,7 +46,13 @@ Result<int> of_folder(const Options& o, const Context& context) {
     return fail("VW133", fmt::format("{} does not lie in {}: its links would lead nowhere", output, o.subject), {},
                 "give -o a name in that folder");
   }
-  POLYPOD_ASSIGN(found, pages::folder_page(o.subject, fs::path(output).filename().string(), POLYPOD_VERSION));
+  auto index = pages::folder_page(o.subject, fs::path(output).filename().string(), POLYPOD_VERSION);
+  if (!index && in_catalogue(o.subject)) {
+    index.error().hint += fmt::format("; for the machine {0} of the catalogue write it to a file first: polypod info {0} -o "
+                                      "{0}.toml",
+                                      o.subject);
+  }
+  POLYPOD_ASSIGN(found, std::move(index));
   POLYPOD_TRY(check_files({}, {output}, context.json));
   if (!files::is_standard_output(output)) {
     POLYPOD_TRY(pages::may_be_index(output));
@@ -59,9 +73,12 @@ std::string page_name(const std::string& machine) {
 }
 
 Result<int> of_machine(const Options& o, const Context& context) {
-  POLYPOD_ASSIGN(m, machine_of(o.subject, o.sets));
+  auto loaded = machine_of(o.subject, o.sets);
+  if (!loaded && loaded.error().id == "MA100") loaded.error().message += "; nor is there such a folder";
+  POLYPOD_ASSIGN(m, std::move(loaded));
   const std::string output = o.output.empty() ? page_name(o.subject) : o.output;
   POLYPOD_TRY(check_files({o.subject}, {output}, context.json));
+  if (o.output.empty()) POLYPOD_TRY(pages::may_be_page(output));
   pages::MachineReportOptions page;
   page.assumed = o.errors.empty() && o.tolerances.empty();
   page.given = !o.errors.empty()       ? o.errors
@@ -100,7 +117,21 @@ Result<int> of_machine(const Options& o, const Context& context) {
     for (const pages::ReportPart& part : made.parts) {
       parts.push_back({{"part", part.name}, {"judged", part.reason.empty()}, {"reason", part.reason}});
     }
-    print_json(singular.in({{"output", output}, {"machine", machine::name_of(m)}, {"parts", parts}}));
+    const pages::ReportFigures& f = made.figures;
+    Json figures{{"position_error_mm", number_json(units::to_mm(f.error))},
+                 {"condition", number_json(f.condition)},
+                 {"compliance_um_per_N", number_json(f.compliance)},
+                 {"calibrated_um", number_json(units::to_um(f.calibrated))}};
+    if (kinematics::task(m).places()) {
+      for (const auto& [key, value] : {std::pair{"volume_mm3", f.volume[0]}, std::pair{"volume_lower_mm3", f.volume[1]},
+                                       std::pair{"volume_upper_mm3", f.volume[2]}})
+        figures[key] = number_json(units::to_mm3(value));
+    } else {
+      const Region region = region_of(kinematics::task(m), f.volume[0], f.volume[1], f.volume[2]);
+      figures.update(measure_json(kinematics::task(m), region));
+    }
+    print_json(singular.in(
+        {{"output", output}, {"machine", machine::name_of(m)}, {"parts", parts}, {"figures", figures}}));
     return kDone;
   }
   std::string judged;

@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 
 namespace polypod::kinematics {
 
@@ -15,14 +16,33 @@ const Solution* reachable_in(const AnyMachine& machine, const InverseResult& inv
   return nullptr;
 }
 
-std::vector<std::string> postures_of(const AnyMachine& machine, const InverseResult& inverse) {
+namespace {
+std::vector<std::string> names_of(const AnyMachine& machine, const InverseResult& inverse, bool within_limits) {
   std::vector<std::string> out;
   for (const Solution& s : inverse.solutions) {
-    if (s.violations != 0 || s.branch >= kNumericBranch) continue;
+    if ((within_limits && s.violations != 0) || s.branch >= kNumericBranch) continue;
     std::string name = branch_name(machine, s.branch);
     if (std::find(out.begin(), out.end(), name) == out.end()) out.push_back(std::move(name));
   }
   return out;
+}
+}  // namespace
+
+std::vector<std::string> postures_of(const AnyMachine& machine, const InverseResult& inverse) {
+  return names_of(machine, inverse, true);
+}
+
+std::vector<std::string> all_postures(const AnyMachine& machine) {
+  JointVector q(joint_count(machine));
+  for (Eigen::Index i = 0; i < q.size(); ++i) {
+    const machine::JointRange range = joint_range(machine, static_cast<int>(i));
+    // Off the middle, where joints are often stretched out and two postures are one.
+    constexpr double kBeside = 0.43;
+    q[i] = std::isfinite(range.max - range.min) ? range.min + kBeside * (range.max - range.min) : 0.4;
+  }
+  const ForwardResult at = kinematics::forward(machine, q);
+  if (at.poses.empty()) return {};
+  return names_of(machine, inverse(machine, at.poses.front()), false);
 }
 
 std::string posture_of(const AnyMachine& machine, const JointVector& q) {

@@ -2,6 +2,7 @@
 #include "polypod/motion/dynamics.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
@@ -422,6 +423,7 @@ void take(std::vector<Dynamics> own, std::span<const AnyMachine> stages, Dynamic
     stage.viscous.clear();
   }
   out.stages = std::move(own);
+  out.of_stages = true;
 }
 }  // namespace
 
@@ -439,6 +441,60 @@ Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const Any
   }
   take(std::move(own), stages, out);
   return std::optional<Dynamics>(std::move(out));
+}
+
+namespace {
+std::string list(const std::vector<double>& values) {
+  return fmt::format("[{}]", fmt::join(values, ", "));
+}
+std::string body_text(const Body& body) {
+  std::string out = fmt::format("{{ mass_kg = {}", body.mass);
+  if (!body.center.isZero(0)) {
+    const Vec3 c = units::kMmPerMetre * body.center;
+    out += fmt::format(", center_mm = {}", list({c.x(), c.y(), c.z()}));
+  }
+  const Mat3& I = body.inertia;
+  if (!I.isZero(0))
+    out += fmt::format(", inertia_kg_m2 = {}", list({I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2)}));
+  return out + " }";
+}
+/// What moves, of a machine or of one of its stages.
+std::string parts_text(const Dynamics& d) {
+  std::string out;
+  const auto line = [&](const char* key, const std::string& value) { out += fmt::format("{} = {}\n", key, value); };
+  if (d.platform) line("platform", body_text(*d.platform));
+  if (d.payload) line("payload", body_text(*d.payload));
+  if (d.strut_fixed > 0 || d.strut_moving > 0 || d.strut_fixed_inertia > 0 || d.strut_moving_inertia > 0) {
+    line("strut", fmt::format("{{ fixed_mass_kg = {}, fixed_center_mm = {}, fixed_inertia_kg_m2 = {}, moving_mass_kg = {}, "
+                              "moving_center_mm = {}, moving_inertia_kg_m2 = {} }}",
+                              d.strut_fixed, units::to_mm(d.strut_fixed_center), d.strut_fixed_inertia, d.strut_moving,
+                              units::to_mm(d.strut_moving_center), d.strut_moving_inertia));
+  }
+  if (d.rod > 0) line("rod_kg", fmt::format("{}", d.rod));
+  if (d.slider > 0) line("slider_kg", fmt::format("{}", d.slider));
+  if (d.arm > 0 || d.arm_inertia > 0) {
+    line("arm", fmt::format("{{ mass_kg = {}, center_mm = {}, inertia_kg_m2 = {} }}", d.arm, units::to_mm(d.arm_center),
+                            d.arm_inertia));
+  }
+  if (!d.links.empty()) {
+    std::vector<std::string> links;
+    for (const std::optional<Body>& link : d.links) links.push_back(body_text(link.value_or(Body{})));
+    line("link", fmt::format("[ {} ]", fmt::join(links, ", ")));
+  }
+  return out;
+}
+}  // namespace
+
+std::string to_toml(const Dynamics& d, std::optional<double> damping_ratio) {
+  std::string out = "[dynamics]\n" + parts_text(d);
+  if (d.gravity_given)
+    out += fmt::format("gravity_m_per_s2 = {}\n", list({d.gravity.x(), d.gravity.y(), d.gravity.z()}));
+  for (const auto& [key, values] :
+       {std::pair{"drive_inertia", &d.drive}, std::pair{"friction", &d.friction}, std::pair{"viscous", &d.viscous}})
+    if (!values->empty()) out += fmt::format("{} = {}\n", key, list(*values));
+  if (damping_ratio) out += fmt::format("damping_ratio = {}\n", *damping_ratio);
+  for (const Dynamics& stage : d.stages) out += "\n[[dynamics.stage]]\n" + parts_text(stage);
+  return out;
 }
 
 Result<std::optional<double>> read_damping(const std::string& path) {

@@ -211,12 +211,13 @@ class CompliancePart {
   CompliancePart(Report& report, const ComplianceMap& map)
       : map_(map), figures_(map), compliant_(statics::has_compliance(map.machine)), report_(report) {}
 
-  void add() {
+  /// `brief`: without a map of each joint's share.
+  void add(bool brief = false) {
     glance();
     if (map_.measured) measured();
     if (compliant_) compliances();
     determinant();
-    if (compliant_) joints();
+    if (compliant_) joints(brief);
     paths();
     reading();
   }
@@ -299,10 +300,11 @@ class CompliancePart {
 
   void determinant() {
     if (figures_.determinant() == nullptr) return;
-    report_.add_section("Distance from singular poses");
+    report_.add_section("The determinant of the Jacobian");
     const std::string caption =
-        "|det J|, the determinant of the Jacobian from joint speeds to the speeds of the tool. It is 0 where the pose "
-        "is singular: some direction of motion is lost there, or cannot be constrained.";
+        "|det J|, the determinant of the Jacobian from joint speeds to the speeds of the tool. It is 0 where a direction "
+        "of motion is lost (type 1 singular pose), and grows beyond all bounds towards a pose at which the drives do not "
+        "constrain the tool (type 2, of machines with several legs).";
     // A square plane at full width would fill the screen.
     if (map_.rectangle.v[1] - map_.rectangle.v[0] > 0.6 * (map_.rectangle.u[1] - map_.rectangle.u[0])) {
       report_.add_figure_grid(2, {{"", figures_.determinant_heat()}}, caption);
@@ -311,7 +313,7 @@ class CompliancePart {
     }
   }
 
-  void joints() {
+  void joints(bool brief) {
     const std::string one = word();
     report_.add_section(fmt::format("Contribution of each {}", one));
     report::BarChart bars;
@@ -340,6 +342,7 @@ class CompliancePart {
     }
     report_.add_figure(bars, fmt::format("Mean over the map. A stiffer {} helps most where its bar is longest.", one));
     report_.add_table(table);
+    if (brief) return;
     for (const Kind kind : {Kind::direct, Kind::cross}) {
       for (const Field* whole : figures_.of(kind)) shares(*whole);
     }
@@ -558,13 +561,13 @@ std::string compliance_map_page(const ComplianceMap& map, const ComplianceMapPag
                             "which {} contributes most",
                             shown_place(map), statics::has_compliance(map.machine) ? column_word(map) : "joint"),
                 facts_of(map, options.version));
-  add_compliance_map(report, map);
+  CompliancePart(report, map).add();
   if (!options.command.empty()) report.add_code("The command that made this page", options.command, false);
   return report.to_html();
 }
 
 Entries add_compliance_map(Report& report, const ComplianceMap& map) {
-  CompliancePart(report, map).add();
+  CompliancePart(report, map).add(true);
   return facts_of(map, "");
 }
 

@@ -137,6 +137,15 @@ bool is_index(std::string_view page) {
 
 }  // namespace
 
+Status may_be_page(const std::string& path) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(path, none)) return {};
+  POLYPOD_ASSIGN(text, files::read(path));
+  if (text.find(kGenerator) != std::string::npos) return {};
+  return fail("VW132", fmt::format("{} is there already, and is no page that Polypod has written", path), {},
+              "name the page with -o");
+}
+
 Status may_be_index(const std::string& path) {
   std::error_code none;
   if (!std::filesystem::is_regular_file(path, none)) return {};
@@ -170,7 +179,8 @@ Result<FolderPage> folder_page(const std::string& folder, const std::string& lea
     if ((name.ends_with(".html") || name.ends_with(".htm")) && std::filesystem::file_size(path, none) <= kMostBytes) {
       POLYPOD_ASSIGN(text, files::read(path.string()));
       if (is_index(text)) continue;
-      if (text.find(kGenerator) != std::string::npos) {
+      // A page that was cut short is no result.
+      if (text.find(kGenerator) != std::string::npos && text.find("</html>") != std::string::npos) {
         out.pages.push_back(name);
         cards.emplace_back("", Card{name, std::move(text)});
         continue;

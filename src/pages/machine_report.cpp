@@ -4,8 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <numeric>
+#include <limits>
 #include <optional>
 
 #include "machine_inputs.hpp"
@@ -58,7 +59,7 @@ class MachineReportPage {
     statics_part();
     calibration_part();
     add_inputs(report_, machine_, asked_, options_.command);
-    return MachineReport{report_.to_html(), {workspace_, errors_, statics_, calibration_}};
+    return MachineReport{report_.to_html(), {workspace_, errors_, statics_, calibration_}, figures_};
   }
 
  private:
@@ -76,11 +77,14 @@ class MachineReportPage {
   [[nodiscard]] bool cancelled() const {
     return options_.survey.workspace.cancelled && options_.survey.workspace.cancelled();
   }
-  /// The value, or the reason in `part`. Errors: of cancelled work.
+  /// The value, or the reason in `part`. Errors: of cancelled work, and of options that do not fit the machine.
   template <typename T>
   Result<std::optional<T>> unless_impossible(Result<T> result, ReportPart& part) const {
     if (result) return std::optional<T>(std::move(*result));
-    if (cancelled()) return tl::unexpected(result.error());
+    static constexpr std::array kOfOptions{"WS100", "WS101", "WS104", "WS105", "WS108"};
+    const bool of_options =
+        std::find(kOfOptions.begin(), kOfOptions.end(), result.error().id) != kOfOptions.end();
+    if (cancelled() || of_options) return tl::unexpected(result.error());
     part.reason = result.error().message;
     if (!result.error().hint.empty()) part.reason += "; " + result.error().hint;
     return std::optional<T>();
@@ -91,8 +95,9 @@ class MachineReportPage {
     POLYPOD_ASSIGN(volume, unless_impossible(workspace::volume(machine_, options_.survey.workspace), workspace_));
     volume_ = std::move(volume);
     const quality::PoseIndependentSingularity singular = quality::pose_independent_singularity(machine_);
-    if (singular.never_held() || singular.nearly()) {
-      errors_.reason = statics_.reason = calibration_.reason = "this machine is " + quality::in_words(singular);
+    if (singular.everywhere() || singular.nearly()) {
+      singular_ = "This machine is " + quality::in_words(singular);
+      errors_.reason = statics_.reason = calibration_.reason = "the machine is singular, see above";
       return {};
     }
     POLYPOD_ASSIGN(fields, unless_impossible(quality_fields(machine_, options_.survey, options_.question), errors_));
@@ -104,7 +109,7 @@ class MachineReportPage {
     return {};
   }
 
-  /// The map that `polypod map` draws by itself, with half as many points on a side.
+  /// The map that `polypod map` draws by itself.
   void compliance() {
     if (const Status compliant = statics::needs_compliance(machine_); !compliant) {
       statics_.reason = compliant.error().message + "; " + compliant.error().hint;
@@ -115,7 +120,7 @@ class MachineReportPage {
                         "answers for one pose";
       return;
     }
-    constexpr int kLonger = 21;
+    constexpr int kLonger = 41;
     const std::vector<double> zero(static_cast<std::size_t>(task_.size()), 0.0);
     const Mat3 R_MT = kinematics::pose_of(task_, zero).R;
     ComplianceMap map{machine_, statics::Plane::xy, kinematics::middle_of_work(machine_).z(), {}, {}, {}, {}, {}};
@@ -141,7 +146,7 @@ class MachineReportPage {
   [[nodiscard]] Result<Plans> plan() const {
     calibration::CalibrationOptions how;
     how.noise_position = options_.noise_position;
-    constexpr std::size_t kCandidates = 250;
+    constexpr std::size_t kCandidates = 400;
     constexpr std::array<std::size_t, 6> kCounts{10, 15, 20, 30, 50, 100};
     Plans out;
     POLYPOD_ASSIGN(from,
@@ -173,37 +178,32 @@ class MachineReportPage {
 
   void at_a_glance() {
     report_.add_section("At a glance");
+    if (!singular_.empty()) report_.add_verdict(Verdict::bad, singular_);
     std::vector<report::KeyFigure> figures;
-    if (volume_ && !volume_->empty && (volume_->proven || volume_->reached)) {
+    if (volume_ && volume_->empty) {
+      figures.push_back({"0", "", "workspace, proven: no point is reached as was asked", Verdict::bad});
+    } else if (volume_ && (volume_->proven || volume_->reached)) {
       const double error = 50 * (volume_->upper - volume_->lower) / std::max(volume_->volume, 1e-300);
       const auto [size, unit] = task_.places() ? volume_figure(*volume_) : region_figure(task_, *volume_);
       figures.push_back({size, unit,
                          fmt::format("workspace, ± {} % {}", number(error, 2),
                                      volume_->proven ? "proven" : "(95 % of a sample)"),
                          Verdict::neutral});
+      figures_.volume = {volume_->volume, volume_->lower, volume_->upper};
     }
-    if (fields_) {
-      const quality::Extreme worst = quality::worst_seen(machine_, fields_->survey, options_.survey,
-                                                         fields_->errors.position, fields_->errors.anywhere, 0);
-      const std::string of = fmt::format("{} {}", options_.question.tolerances ? "tolerances" : "errors", given());
-      figures.push_back({std::isfinite(worst.value) ? number(to_mm(worst.value)) : "∞", "mm",
-                         fmt::format("largest error of the tip that was seen, with the {}{}", of,
-                                     options_.assumed ? " (assumed)" : ""),
-                         Verdict::neutral});
-      const std::vector<double> condition = shown_means(*fields_, QualityValue::condition);
-      const double mean = std::accumulate(condition.begin(), condition.end(), 0.0) / static_cast<double>(condition.size());
-      figures.push_back({std::isfinite(mean) ? number(mean) : "∞", "", "condition number κ, mean over the workspace",
-                         Verdict::neutral});
-    }
+    if (fields_) quality_figures(figures);
     if (map_) {
       double most = 0;
       for (const Field& f : fields_of(*map_))
         if (f.kind == Field::Kind::direct) most = std::max(most, extremes_of(f.values).max);
-      figures.push_back({number(most), "µm/N", fmt::format("largest direct compliance over {}", place_of(*map_)),
+      figures_.compliance = most;
+      figures.push_back({number(most), "µm/N",
+                         fmt::format("largest direct compliance on a grid over {}, tool at zero tilt", place_of(*map_)),
                          Verdict::neutral});
     }
     if (plans_) {
       const Plan& best = plans_->plans.back();
+      figures_.calibrated = best.chosen;
       figures.push_back({number(to_um(best.chosen)), "µm",
                          fmt::format("standard deviation of a position after a calibration with {} measured positions",
                                      best.poses),
@@ -211,9 +211,31 @@ class MachineReportPage {
     }
     report_.add_key_figures(figures);
     report_.add_text(
-        "Each question has its chapters below, which say what they answer for. The inputs stand once, at the end.");
+        "Each question has its chapters below, which say what they answer for. Tool directions, limits that are switched "
+        "off and a box hold for workspace, errors and conditioning. Compliances are those of a tool at zero tilt in a "
+        "plane, and measured positions for a calibration lie anywhere in the reach, both within all limits. The inputs "
+        "stand once, at the end.");
     for (const ReportPart* part : {&workspace_, &errors_, &statics_, &calibration_})
       if (!part->reason.empty()) not_judged(*part);
+  }
+
+  void quality_figures(std::vector<report::KeyFigure>& figures) {
+    const auto seen = [&](const quality::Quantity& of, const auto& anywhere, std::size_t number) {
+      return quality::worst_seen(machine_, fields_->survey, options_.survey, of, anywhere, number).value;
+    };
+    const double worst = seen(fields_->errors.position, fields_->errors.anywhere, 0);
+    const double turned = seen(fields_->errors.orientation, fields_->errors.anywhere, 1);
+    const double condition = seen(fields_->dexterity.condition, fields_->dexterity.anywhere, 0);
+    const bool bounded = std::isfinite(worst) && std::isfinite(turned);
+    figures_.error = bounded ? worst : std::numeric_limits<double>::infinity();
+    figures_.condition = condition < 1 / quality::kRankLost ? condition : std::numeric_limits<double>::infinity();
+    const std::string of = fmt::format("{} {}", options_.question.tolerances ? "tolerances" : "errors", given());
+    figures.push_back({bounded ? number(to_mm(worst)) : "∞", "mm",
+                       fmt::format("{} of the tip, with the {}{}", bounded ? "largest error that was seen" : "errors",
+                                   of, options_.assumed ? " (assumed)" : ""),
+                       bounded ? Verdict::neutral : Verdict::bad});
+    figures.push_back({std::isfinite(figures_.condition) ? number(condition) : "∞", "",
+                       "largest condition number κ that was seen", Verdict::neutral});
   }
 
   void not_judged(const ReportPart& part) {
@@ -327,7 +349,7 @@ class MachineReportPage {
       report_.add_table(held);
     }
     asked({{"noise of a measured coordinate", fmt::format("{:.6g} µm", noise)},
-           {"candidates for measured positions", fmt::format("{}", from.equations.size())}});
+           {"candidate positions", fmt::format("{}", from.equations.size())}});
   }
 
   const AnyMachine& machine_;
@@ -339,6 +361,8 @@ class MachineReportPage {
   std::optional<QualityFields> fields_;
   std::optional<ComplianceMap> map_;
   std::optional<Plans> plans_;
+  std::string singular_;
+  ReportFigures figures_;
   ReportPart workspace_{"workspace", ""}, errors_{"errors and conditioning", ""}, statics_{"statics", ""},
       calibration_{"calibration", ""};
 };

@@ -32,7 +32,7 @@ std::pair<std::string, std::string> region_figure(const machine::Task& task, con
 Result<Entries> add_quality(report::Report& report, const machine::AnyMachine& machine,
                             const quality::SurveyOptions& options, const QualityQuestion& question,
                             const QualityFields& fields, const QualityPageOptions& page);
-/// As compliance_map_page.
+/// As compliance_map_page, without a map of each joint's share.
 Entries add_compliance_map(report::Report& report, const ComplianceMap& map);
 
 }  // namespace polypod::pages

@@ -181,6 +181,7 @@ std::string directions_of(const AnyMachine& machine, const SurveyOptions& option
   const auto& d = options.workspace.directions;
   if (!survey.task.places()) return "those of the task's coordinates";
   if (kinematics::orientation_follows(machine)) return "the tilt of the tool that follows from its position";
+  if (!kinematics::task(machine).turns()) return "the one orientation that the tool has";
   if (survey.orientations.size() == 1) return "tool at zero tilt (R = 1)";
   if (d.is_ranges()) return fmt::format("{} over the ranges of A and B", survey.orientations.size());
   return fmt::format("{}, tilts up to {} deg", survey.orientations.size(), plain(to_deg(d.tilt)));
@@ -212,8 +213,12 @@ class QualityPart {
  private:
   /// Whether errors turn the tool at all: those of a delta do not.
   [[nodiscard]] bool turns() const {
-    return kinematics::task(machine_) != machine::Task::point || kinematics::orientation_follows(machine_);
+    constexpr double kRounding = 1e-12;  // rad
+    return kinematics::task(machine_) != machine::Task::point || kinematics::orientation_follows(machine_) ||
+           worst_turned_.value > kRounding;
   }
+  /// What was looked at, in words.
+  [[nodiscard]] const char* region() const { return options_.box ? "box" : "workspace"; }
   /// Of places in tables: "mm", or the coordinates' names with their units.
   [[nodiscard]] std::string place_unit() const {
     const machine::Task& task = fields_.survey.task;
@@ -272,23 +277,23 @@ class QualityPart {
                                              double most_turned) const {
     if (!std::isfinite(most) || !std::isfinite(most_turned)) {
       return fmt::format(
-          "Errors have no bound here: the workspace holds a singular pose, at which the drives do not constrain the "
-          "platform (type 2), and they grow towards it. At a point of the workspace the {} is {} mm and {} mrad on "
+          "Errors have no bound here: the {0} holds a singular pose, at which the drives do not constrain the "
+          "platform (type 2), and they grow towards it. At a point of the {0} the {1} is {2} mm and {3} mrad on "
           "average. Set limits that leave such poses out.",
-          question_.tolerances ? "worst case" : "error", shown(p.mean), shown(o.mean));
+          region(), question_.tolerances ? "worst case" : "error", shown(p.mean), shown(o.mean));
     }
     if (!question_.tolerances) {
       return fmt::format(
           "With the errors {} the largest error of the tip that was seen is {} mm and that of the orientation {} mrad; "
-          "on average over the workspace {} mm and {} mrad.",
-          given_of(page_), shown(most), shown(most_turned), shown(p.mean), shown(o.mean));
+          "on average over the {} {} mm and {} mrad.",
+          given_of(page_), shown(most), shown(most_turned), region(), shown(p.mean), shown(o.mean));
     }
     return fmt::format(
         "The largest error of the tip that was seen, whatever the parts do within {}, is {} mm, and the largest of the "
-        "orientation {} mrad: at {} points of the workspace and between the worst of them. Each is exact at its pose; "
-        "poses that were not looked at may have more. At a point of the workspace the worst case is {} mm and {} mrad "
-        "on average.",
-        given_of(page_), shown(most), shown(most_turned), fields_.survey.inside.size(), shown(p.mean), shown(o.mean));
+        "orientation {} mrad: at {} points of the {} and between the worst of them. Each is exact at its pose; poses that "
+        "were not looked at may have more. At a point of the {} the worst case is {} mm and {} mrad on average.",
+        given_of(page_), shown(most), shown(most_turned), fields_.survey.inside.size(), region(), region(),
+        shown(p.mean), shown(o.mean));
   }
 
   void answer() {
@@ -344,9 +349,8 @@ class QualityPart {
   template <std::size_t N>
   void statistics_table(const std::array<QualityValue, N>& values) {
     report::Table table;
-    table.caption = one_direction() ? "Over the points of the workspace"
-                                    : "Over the points of the workspace; each point counts with the mean over its "
-                                      "tool directions";
+    table.caption = fmt::format("Over the points of the {}{}", region(),
+                                one_direction() ? "" : "; each point counts with the mean over its tool directions");
     table.columns = {{"", ""},
                      {"least seen", ""},
                      {"mean", ""},
@@ -433,7 +437,7 @@ class QualityPart {
                                                        units::kMradPerRad, far_turned));
     }
     report_.add_figure_grid(2, panels,
-                            "Share of the points of the workspace, per cent." + beyond(std::max(far, far_turned)));
+                            fmt::format("Share of the points of the {}, per cent.", region()) + beyond(std::max(far, far_turned)));
   }
 
   /// Of tolerances: shares that add up to the worst case; of known errors: what each would do alone.
@@ -494,18 +498,22 @@ class QualityPart {
     report_.add_figure_grid(2, panels,
                             fmt::format("The largest {} bars of {} elements, ranked by their contribution to the "
                                         "largest error; elements with the same contribution have one bar.",
-                                        kShown, at_tip.size()));
+                                        std::min(kShown, at_tip.size()), at_tip.size()));
   }
 
   void conditioning() {
     report_.add_section("Conditioning");
-    report_.add_text(fmt::format(
-        "κ is the ratio of the tool's fastest to its slowest motion for joint speeds of one size; near 1 all "
-        "directions "
-        "are alike. It mixes millimetres and radians: angles count as lengths on {}, and another length gives another "
-        "κ. So compare machines by the errors above, and poses of one machine by κ.",
-        fields_.dexterity.length > 0 ? fmt::format("{} mm", number(to_mm(fields_.dexterity.length)))
-                                     : "a length that changes with the pose"));
+    std::string about =
+        "κ is the ratio of the tool's fastest to its slowest motion for joint speeds of one size; near 1 all directions "
+        "are alike.";
+    if (kinematics::task(machine_).turns()) {
+      about += fmt::format(
+          " It mixes millimetres and radians: angles count as lengths on {}, and another length gives another κ. So "
+          "compare machines by the errors above, and poses of one machine by κ.",
+          fields_.dexterity.length > 0 ? fmt::format("{} mm", number(to_mm(fields_.dexterity.length)))
+                                       : "a length that changes with the pose");
+    }
+    report_.add_text(about);
     statistics_table(kConditioning);
     for (const QualityValue value : kConditioning) {
       maps(value, fmt::format("{}{}{}.", name_of(value).words, value == QualityValue::determinant ? " |det|" : "",
@@ -513,7 +521,7 @@ class QualityPart {
     }
     int far = 0;
     const auto plot = histogram(QualityValue::condition, fields_.dexterity.condition, 1, far);
-    report_.add_figure(plot, "Share of the points of the workspace, per cent." + beyond(far));
+    report_.add_figure(plot, fmt::format("Share of the points of the {}, per cent.", region()) + beyond(far));
   }
 
   [[nodiscard]] std::string words_at(const Pose& X) const {
@@ -681,8 +689,9 @@ class QualityPart {
     whole.opacity = 0.14;
     scene.meshes.push_back(std::move(whole));
     if (kinematics::hangs_down(machine_)) hang(scene);
-    panels.emplace_back(fmt::format("{}: {} % of the workspace, which is pale", what,
-                                    fixed(100.0 * static_cast<double>(count) / static_cast<double>(values.size()), 1)),
+    panels.emplace_back(fmt::format("{}: {} % of the {}{}", what,
+                                    fixed(100.0 * static_cast<double>(count) / static_cast<double>(values.size()), 1),
+                                    options_.box ? "points of the box" : "workspace", options_.box ? "" : ", which is pale"),
                         scene);
     return {};
   }
@@ -703,9 +712,14 @@ class QualityPart {
   [[nodiscard]] Entries inputs() const {
     Entries entries{{"tool directions of the errors", directions_of(machine_, options_, fields_.survey)},
                     {kind_of(question_), given_of(page_)},
-                    {"points of the workspace", fixed(static_cast<double>(fields_.survey.inside.size()), 0)},
+                    {fmt::format("points of the {}", region()), fixed(static_cast<double>(fields_.survey.inside.size()), 0)},
                     {"spacing", spacing()},
                     {"points a side of a section", fixed(page_.resolution, 0)}};
+    if (options_.box) {
+      const auto& [low, high] = *options_.box;
+      entries.emplace_back("box", fmt::format("{} to {} {}", place(fields_.survey.task, low),
+                                              place(fields_.survey.task, high), place_unit()));
+    }
     if (question_.tolerances) {
       entries.emplace_back("method", question_.tolerance.method == quality::Method::exact
                                          ? "exact: the farthest vertex of the zonotope"

@@ -53,6 +53,7 @@ std::string given(double value) {
 std::string directions_of(const AnyMachine& machine, const Options& options) {
   const auto& d = options.directions;
   if (kinematics::orientation_follows(machine)) return "with the tilt of the tool that follows from its position";
+  if (!kinematics::task(machine).turns()) return "with the one orientation that its tool has";
   if (!d.is_ranges()) {
     return d.tilt > 0 ? fmt::format("with every tilt up to {} deg", given(to_deg(d.tilt)))
                       : std::string("with the tool at zero tilt (R = 1)");
@@ -507,8 +508,9 @@ class Part {
     Entries entries{{"tool directions", directions_of(machine_, options_)},
                     {"tolerance of the volume", given(100 * options_.relative_tolerance) + " %"},
                     {"boxes examined", fixed(static_cast<double>(volume_.points), 0)},
-                    {"leg against leg", options_.interference ? "checked" : "not checked"},
                     {"points a side of a section", fixed(page_.resolution, 0)}};
+    if (workspace::interference_bits(machine_) != 0)
+      entries.emplace_back("leg against leg", options_.interference ? "checked" : "not checked");
     const LimitBits off = ~options_.limits;
     std::set<std::string> off_kinds;
     for (int i = 0; i < 64; ++i)

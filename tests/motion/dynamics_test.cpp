@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Forces of the drives against Lagrange's equations by differences, energies, and closed forms of small machines.
 #include "polypod/motion/dynamics.hpp"
+#include "polypod/motion/vibration.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -584,7 +585,44 @@ TEST(Dynamics, StagesBringTheirOwnMasses) {
   EXPECT_LT((forces(both) - expected).norm(), 1e-9 * expected.norm());
   EXPECT_EQ((*read_dynamics(both, *machine::load(both, {})))->not_read, (std::vector<int>{1, 2}));
   EXPECT_TRUE((*read_dynamics(own, *machine::load(own, {})))->not_read.empty());
+  // As a table of the whole, which info -o writes.
+  const Dynamics of_stages = **read_dynamics(own, *machine::load(own, {}));
+  EXPECT_TRUE(of_stages.of_stages);
+  const std::string again = written("stages-again.toml", head + stages("", "") + to_toml(of_stages));
+  EXPECT_LT((forces(again) - expected).norm(), 1e-12 * expected.norm());
   EXPECT_FALSE(*read_dynamics(written("stages-none.toml", head + stages("", "")), *machine::load(own, {})));
+}
+
+// What is written reads back as it was.
+TEST(Dynamics, TheTableAsText) {
+  const std::string text =
+      "[dynamics]\nplatform = { mass_kg = 3, center_mm = [1, 2, 3], inertia_kg_m2 = [1, 2, 2.5, 0.1, 0.2, 0.3] }\n"
+      "payload = { mass_kg = 0.5 }\n"
+      "strut = { fixed_mass_kg = 2, fixed_center_mm = 20, fixed_inertia_kg_m2 = 0.1, moving_mass_kg = 1, moving_center_mm = "
+      "-7, moving_inertia_kg_m2 = 0.02 }\ngravity_m_per_s2 = [0, 1, -9]\ndrive_inertia = [1, 2, 3, 4, 5, 6]\n"
+      "friction = 4\nviscous = 0.5\ndamping_ratio = 0.07\n";
+  const AnyMachine strut = load("hexapod-strut");
+  const std::string path = written("as-text.toml", text);
+  const Dynamics first = **read_dynamics(path, strut);
+  const std::string written_text = to_toml(first, *read_damping(path));
+  const std::string again = written("as-text-again.toml", written_text);
+  EXPECT_EQ(to_toml(**read_dynamics(again, strut), *read_damping(again)), written_text);
+  const Dynamics second = **read_dynamics(again, strut);
+  EXPECT_LT((second.platform->inertia - first.platform->inertia).norm(), 1e-15);
+  EXPECT_NEAR(second.strut_moving_center, -0.007, 1e-15);
+  EXPECT_EQ(second.gravity, first.gravity);
+  EXPECT_EQ(second.drive, first.drive);
+  EXPECT_EQ(second.friction, first.friction);
+  // Of an arm one body a row, those without mass too.
+  const AnyMachine arm = load("lola50");
+  const std::string links = written("links.toml", "[dynamics]\nlink = [ { mass_kg = 1 }, { mass_kg = 0 }, { mass_kg = 2, "
+                                                  "center_mm = [0, 5, 0] }, { mass_kg = 0 }, { mass_kg = 0 } ]\n");
+  const auto of_arm = read_dynamics(links, arm);
+  ASSERT_TRUE(of_arm) << to_string(of_arm.error());
+  const Dynamics back = **read_dynamics(written("links-again.toml", to_toml(**of_arm)), arm);
+  ASSERT_EQ(back.links.size(), 5U);
+  EXPECT_EQ(back.links[2]->mass, 2);
+  EXPECT_NEAR(back.links[2]->center.y(), 0.005, 1e-15);
 }
 
 }  // namespace

@@ -102,5 +102,19 @@ TEST_F(Folder, SaysWhatItDoesNotList) {
   EXPECT_THAT(found->html, Not(HasSubstr("link.html"))) << "a link may lead out of the folder";
 }
 
+// A page that was cut short is no result, and what is no page of ours is not written over unasked.
+TEST_F(Folder, PagesAreWhole) {
+  put("whole.html", page("Whole"));
+  put("cut.html", page("Cut").substr(0, 2000));
+  put("mine.html", "mine");
+  const auto found = folder_page(folder_, "index.html", "1");
+  ASSERT_TRUE(found);
+  EXPECT_THAT(found->pages, ElementsAre("whole.html"));
+  EXPECT_THAT(found->others, ElementsAre("cut.html", "mine.html"));
+  EXPECT_TRUE(may_be_page(folder_ + "/whole.html"));
+  EXPECT_TRUE(may_be_page(folder_ + "/new.html"));
+  EXPECT_EQ(may_be_page(folder_ + "/mine.html").error().id, "VW132");
+}
+
 }  // namespace
 }  // namespace polypod::pages

@@ -5,6 +5,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
+
 #include "polypod/core/units.hpp"
 #include "polypod/machine/any_machine.hpp"
 #include "report/markup.hpp"
@@ -115,6 +118,41 @@ TEST(MachineReport, OfATaskWithoutPlaces) {
   ASSERT_TRUE(made) << made.error().message;
   EXPECT_THAT(made->html, HasSubstr("Of the coordinates x, y and C, a region of"));
   EXPECT_THAT(made->html, HasSubstr("How far the tool is off</h2>"));
+}
+
+// What the head of the page says is what the parts compute.
+TEST(MachineReport, FiguresAreThoseOfTheParts) {
+  const machine::AnyMachine machine = loaded("hexapod-strut");
+  const MachineReportOptions options = small(machine);
+  const auto made = machine_report(machine, options);
+  ASSERT_TRUE(made) << made.error().message;
+  const auto volume = workspace::volume(machine, options.survey.workspace);
+  EXPECT_EQ(made->figures.volume, (std::array{volume->volume, volume->lower, volume->upper}));
+  const auto fields = quality_fields(machine, options.survey, options.question);
+  EXPECT_EQ(made->figures.error, quality::worst_seen(machine, fields->survey, options.survey, fields->errors.position,
+                                                     fields->errors.anywhere, 0)
+                                     .value);
+  EXPECT_EQ(made->figures.condition, quality::worst_seen(machine, fields->survey, options.survey,
+                                                         fields->dexterity.condition, fields->dexterity.anywhere, 0)
+                                         .value);
+  EXPECT_TRUE(std::isnan(made->figures.compliance)) << "it has none";
+  EXPECT_GT(made->figures.calibrated, 1e-6);
+  EXPECT_LT(made->figures.calibrated, options.noise_position);
+}
+
+// Options that no machine of this kind takes are refused, as `workspace` does, and a region that is not reached is said.
+TEST(MachineReport, OptionsThatDoNotFitAndRegionsOutOfReach) {
+  const machine::AnyMachine delta = loaded("delta-linear");
+  MachineReportOptions options = small(delta);
+  options.survey.workspace.directions.tilt = 0.1;
+  EXPECT_EQ(machine_report(delta, options).error().id, "WS104");
+  const machine::AnyMachine hexapod = loaded("hexapod-strut");
+  options = small(hexapod);
+  options.survey.workspace.directions.tilt = 1.2;
+  const auto none = machine_report(hexapod, options);
+  ASSERT_TRUE(none) << none.error().message;
+  EXPECT_THAT(none->html, HasSubstr("workspace, proven: no point is reached as was asked"));
+  EXPECT_TRUE(std::isnan(none->figures.error));
 }
 
 TEST(MachineReport, EndsWhenItIsInterrupted) {

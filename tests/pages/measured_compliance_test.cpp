@@ -252,7 +252,7 @@ TEST(MapPage, ShowsMeasuredComputedAndDifferenceSideBySide) {
   for (const char* part :
        {"At a glance</h2>", "The joints explain", "Measured against computed</h2>", ">Cxx measured<", ">Cxx computed<",
         ">Cxx measured − computed<", ">Cyz measured − computed<", "Direct compliances</h2>",
-        "Distance from singular poses</h2>", "Contribution of each joint"}) {
+        "The determinant of the Jacobian</h2>", "Contribution of each joint"}) {
     const std::size_t found = html.find(part, at);
     ASSERT_NE(found, std::string::npos) << part;
     at = found;

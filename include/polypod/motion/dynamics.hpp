@@ -39,6 +39,7 @@ struct Dynamics {
   std::vector<double> friction;  ///< N or Nm, against the motion; empty, one, or one a drive
   std::vector<double> viscous;   ///< N s/m or Nm s/rad; likewise
   std::vector<Dynamics> stages;  ///< of machines in series: the bodies of each, from the base; none of the rest
+  bool of_stages = false;        ///< the masses of the stages are those of their own files
   /// Stages, from 1, whose own files have masses that the table of the whole stands for.
   std::vector<int> not_read;
 
@@ -55,6 +56,9 @@ struct Dynamics {
 /// sum of the others), MO121 (a key that the machine has no part for), MO122 (as many numbers as drives, links as
 /// rows, stages as the machine has).
 Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine);
+
+/// The table `dynamics` as text, which reads back as it is.
+std::string to_toml(const Dynamics& dynamics, std::optional<double> damping_ratio = {});
 
 /// Why the forces of this machine's drives are not computed; empty where they are: families of a user's own (as a
 /// stage too), and machines with more drives than their task has coordinates (their drives strain each other).

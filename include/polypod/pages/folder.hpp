@@ -21,6 +21,8 @@ struct FolderPage {
 /// VW130 (no folder), VW131 (no page of Polypod in it).
 Result<FolderPage> folder_page(const std::string& folder, const std::string& leave_out, const std::string& version);
 
+/// Whether a file may become a page that nobody has named: it is not there, or is a page of Polypod. Errors: VW132.
+Status may_be_page(const std::string& path);
 /// Whether a file may become the index: it is not there, or is an index that this made. Errors: VW132.
 Status may_be_index(const std::string& path);
 

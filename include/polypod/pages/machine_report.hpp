@@ -2,7 +2,9 @@
 // One page of all that is known of a machine.
 #pragma once
 
+#include <array>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -31,9 +33,21 @@ struct ReportPart {
   std::string reason;  ///< why it has no answer here, and what would give one; empty where it has
 };
 
+/// What stands at the head of the page; NaN where it is not judged, infinite where there is no bound.
+struct ReportFigures {
+  static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  /// The volume and its bounds, m^3, or in the coordinates of a task without x, y, z (m and rad).
+  std::array<double, 3> volume{kNone, kNone, kNone};
+  double error = kNone;       ///< of the tip, the largest that was seen, m
+  double condition = kNone;   ///< the largest that was seen
+  double compliance = kNone;  ///< the largest direct one on the grid of the map, um/N
+  double calibrated = kNone;  ///< standard deviation of a position after a calibration, m
+};
+
 struct MachineReport {
   std::string html;
   std::vector<ReportPart> parts;
+  ReportFigures figures;
 };
 
 /// What workspace_page (or region_page), quality_page and compliance_map_page say, and how well measured positions
