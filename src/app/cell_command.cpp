@@ -242,7 +242,8 @@ Json sweep_json(const cell::Sweep& s) {
     if (one) out["value"] = row.values[0];
     rows.push_back(out);
   }
-  Json out{{"ok", s.best.has_value()}, {"keys", keys}, {"sweep", rows}, {"best", nullptr}, {"not_judged", Json::array()}};
+  Json out{
+      {"ok", s.best.has_value()}, {"keys", keys}, {"sweep", rows}, {"best", nullptr}, {"not_judged", Json::array()}};
   if (s.best) out["not_judged"] = s.rows[*s.best].not_judged;
   if (one) out["key"] = s.axes[0].key;
   if (s.best) out["best"] = one ? Json(s.rows[*s.best].values[0]) : Json(s.rows[*s.best].values);

@@ -10,8 +10,8 @@
 
 namespace polypod::app {
 
-/// A machine that was made from a machine file, as a file: with the masses (`dynamics`) of that one, and of those of its
-/// stages, which are no part of its kinematics.
+/// A machine that was made from a machine file, as a file: with the masses (`dynamics`) of that one, and of those of
+/// its stages, which are no part of its kinematics.
 inline std::string machine_file(const machine::AnyMachine& machine, const std::string& made_from) {
   std::string out = machine::to_toml(machine);
   if (const auto read = motion::read_dynamics(made_from, machine); read && *read && (*read)->of_stages) {

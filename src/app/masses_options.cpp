@@ -26,9 +26,8 @@ std::string in_words(const motion::Dynamics& d) {
   const std::vector<std::string> odd = d.not_rigid();
   const std::string unread = d.not_read.empty()
                                  ? ""
-                                 : fmt::format(
-                                       "; [[dynamics.stage]] stands for the masses in the file of stage {}",
-                                       fmt::join(d.not_read, ", "));
+                                 : fmt::format("; [[dynamics.stage]] stands for the masses in the file of stage {}",
+                                               fmt::join(d.not_read, ", "));
   return fmt::format("gravity {}{}; mass has: {}; other parts weigh nothing{}{}", g,
                      d.gravity_given ? "" : ", assumed from how the machine stands (gravity_m_per_s2)",
                      fmt::join(d.parts_with_mass(), ", "),

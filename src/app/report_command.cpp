@@ -48,9 +48,10 @@ Result<int> of_folder(const Options& o, const Context& context) {
   }
   auto index = pages::folder_page(o.subject, fs::path(output).filename().string(), POLYPOD_VERSION);
   if (!index && in_catalogue(o.subject)) {
-    index.error().hint += fmt::format("; for the machine {0} of the catalogue write it to a file first: polypod info {0} -o "
-                                      "{0}.toml",
-                                      o.subject);
+    index.error().hint += fmt::format(
+        "; for the machine {0} of the catalogue write it to a file first: polypod info {0} -o "
+        "{0}.toml",
+        o.subject);
   }
   POLYPOD_ASSIGN(found, std::move(index));
   POLYPOD_TRY(check_files({}, {output}, context.json));
@@ -130,8 +131,8 @@ Result<int> of_machine(const Options& o, const Context& context) {
       const Region region = region_of(kinematics::task(m), f.volume[0], f.volume[1], f.volume[2]);
       figures.update(measure_json(kinematics::task(m), region));
     }
-    print_json(singular.in(
-        {{"output", output}, {"machine", machine::name_of(m)}, {"parts", parts}, {"figures", figures}}));
+    print_json(
+        singular.in({{"output", output}, {"machine", machine::name_of(m)}, {"parts", parts}, {"figures", figures}}));
     return kDone;
   }
   std::string judged;

@@ -48,7 +48,8 @@ Command tolerances_command() {
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
         a.option("--required", o->wanted_mm, "Largest error of the tip at the poses that are judged, mm");
-        a.option("--required-angle", o->wanted_rad, "Largest error of the orientation, rad (alone, or beside the other)");
+        a.option("--required-angle", o->wanted_rad,
+                 "Largest error of the orientation, rad (alone, or beside the other)");
         a.option("--group", o->groups, "KEY=weight: elements with one tolerance (repeatable; default: all alike)");
         a.option("--rule", o->rule,
                  "weighted (default): tolerances in the ratio of the weights; cost: least sum of weight / tolerance");

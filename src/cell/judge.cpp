@@ -160,9 +160,9 @@ std::vector<Flow> flows_of(const CellResult& out) {
 std::vector<std::string> not_judged(const CellResult& r) {
   std::vector<std::string> out;
   if (!r.simulated()) {
-    const bool out_of_reach = r.motions.out_of_reach > 0 ||
-                              std::any_of(r.motions.problems.begin(), r.motions.problems.end(),
-                                          [](const Problem& p) { return p.kind == "reach"; });
+    const bool out_of_reach =
+        r.motions.out_of_reach > 0 || std::any_of(r.motions.problems.begin(), r.motions.problems.end(),
+                                                  [](const Problem& p) { return p.kind == "reach"; });
     out.emplace_back(out_of_reach ? "the cycle: something is out of reach" : "the cycle: the rest has problems");
   } else {
     for (std::size_t t = 0; t < r.cell.tasks.size(); ++t) {
@@ -176,7 +176,8 @@ std::vector<std::string> not_judged(const CellResult& r) {
   for (const Machine& m : r.cell.machines)
     if (!(m.payload > 0)) out.push_back(fmt::format("the load of {}: it has no payload_kg", m.name));
   for (const GuardFigure& g : r.safety.guards)
-    if (g.measured) out.push_back(fmt::format("guard {}: it is not far enough by itself; a person must judge its measure", g.name));
+    if (g.measured)
+      out.push_back(fmt::format("guard {}: it is not far enough by itself; a person must judge its measure", g.name));
   out.insert(out.end(), r.safety.not_judged.begin(), r.safety.not_judged.end());
   for (const Conveyor& c : r.cell.conveyors)
     if (!c.chute.empty()) out.push_back(fmt::format("whether items slide down the chute {} of {}", c.chute, c.name));

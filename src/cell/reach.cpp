@@ -298,9 +298,10 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
     out.home_times.push_back(home_time);
   }
   if (roughly > 0)
-    all.assumed.push_back(fmt::format("{} ({}): {} ways for which the cycle of lift and blend does not fit take twice "
-                                      "the time of a straight one",
-                                      m.name, task.name, roughly));
+    all.assumed.push_back(
+        fmt::format("{} ({}): {} ways too short for the clearance height and the corner blends take "
+                    "twice the time of a straight one",
+                    m.name, task.name, roughly));
 }
 
 /// How far a container leans, rad, at a stand when it was upright at another.

@@ -282,15 +282,15 @@ Safety safety(const Cell& cell, const std::vector<Swept>& space, const std::vect
         double near = std::numeric_limits<double>::infinity();
         constexpr double kArm = 0.85;  // m, of an arm through the opening
         for (const Swept& s : space)
-          if (!g.opening_height ||
-              (bottom_of(s) < *g.opening_height + kArm && top_of(s) > *g.opening_height - kArm))
+          if (!g.opening_height || (bottom_of(s) < *g.opening_height + kArm && top_of(s) > *g.opening_height - kArm))
             near = std::min(near, from_wall(s, g.from, g.to));
         if (!g.opening_height)
           out.assumed.push_back(fmt::format("the openings of {} are at any height (opening_height_mm)", g.name));
         if (!through) {
           f.enough = false;
-          f.note = fmt::format("whole bodies pass the opening of {:.0f} mm: a smaller one is needed (ISO 13857, Table 4)",
-                               g.opening / mm);
+          f.note =
+              fmt::format("whole bodies pass the opening of {:.0f} mm: a smaller one is needed (ISO 13857, Table 4)",
+                          g.opening / mm);
         } else if (near < *through) {
           f.enough = false;
           f.note = fmt::format(

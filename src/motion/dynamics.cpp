@@ -422,6 +422,9 @@ void take(std::vector<Dynamics> own, std::span<const AnyMachine> stages, Dynamic
     stage.friction.clear();
     stage.viscous.clear();
   }
+  // What the whole carries stands for what its last stage carries by itself.
+  if (out.platform) own.back().platform.reset();
+  if (out.payload) own.back().payload.reset();
   out.stages = std::move(own);
   out.of_stages = true;
 }
@@ -465,10 +468,11 @@ std::string parts_text(const Dynamics& d) {
   if (d.platform) line("platform", body_text(*d.platform));
   if (d.payload) line("payload", body_text(*d.payload));
   if (d.strut_fixed > 0 || d.strut_moving > 0 || d.strut_fixed_inertia > 0 || d.strut_moving_inertia > 0) {
-    line("strut", fmt::format("{{ fixed_mass_kg = {}, fixed_center_mm = {}, fixed_inertia_kg_m2 = {}, moving_mass_kg = {}, "
-                              "moving_center_mm = {}, moving_inertia_kg_m2 = {} }}",
-                              d.strut_fixed, units::to_mm(d.strut_fixed_center), d.strut_fixed_inertia, d.strut_moving,
-                              units::to_mm(d.strut_moving_center), d.strut_moving_inertia));
+    line("strut",
+         fmt::format("{{ fixed_mass_kg = {}, fixed_center_mm = {}, fixed_inertia_kg_m2 = {}, moving_mass_kg = {}, "
+                     "moving_center_mm = {}, moving_inertia_kg_m2 = {} }}",
+                     d.strut_fixed, units::to_mm(d.strut_fixed_center), d.strut_fixed_inertia, d.strut_moving,
+                     units::to_mm(d.strut_moving_center), d.strut_moving_inertia));
   }
   if (d.rod > 0) line("rod_kg", fmt::format("{}", d.rod));
   if (d.slider > 0) line("slider_kg", fmt::format("{}", d.slider));

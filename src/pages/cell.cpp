@@ -516,9 +516,9 @@ void machine_section(report::Report& page, const CellResult& r) {
     const report::PathPlot plot = reachable(r, m, caption);
     page.add_figure(plot, caption);
   }
-  page.add_text(fmt::format(
-      "{} places were asked for, by the machines' own inverse kinematics and limits; {} are out of reach.",
-      r.motions.judged, r.motions.out_of_reach));
+  page.add_text(
+      fmt::format("{} places were asked for, by the machines' own inverse kinematics and limits; {} are out of reach.",
+                  r.motions.judged, r.motions.out_of_reach));
 }
 
 void cycle_section(report::Report& page, const CellResult& r) {
@@ -641,16 +641,16 @@ void safety_section(report::Report& page, const CellResult& r) {
   page.add_verdict(Verdict::neutral,
                    "This is an aid for whoever assesses the risk of the cell (ISO 12100). It is no assessment and no "
                    "proof of conformity. Check each figure against your copy of the standard.");
-  page.add_key_figures({{distance_text(r.safety), "mm", "largest distance that light curtain or scanner needs",
-                         Verdict::neutral},
-                        {report::fixed(r.safety.stopping / units::from_ms(1), 0), "ms",
-                         "until the slowest machine stands", Verdict::neutral}});
+  page.add_key_figures(
+      {{distance_text(r.safety), "mm", "largest distance that light curtain or scanner needs", Verdict::neutral},
+       {report::fixed(r.safety.stopping / units::from_ms(1), 0), "ms", "until the slowest machine stands",
+        Verdict::neutral}});
   page.add_text(
       "ISO 13855: S = K T + C, with the speed of approach K, the time T from the interruption to the standstill, and C "
       "for what reaches through before it is seen.");
   report::Table guards;
   guards.caption = "Guards.";
-  guards.columns = {{"guard", "", -1}, {"kind", "", -1}, {"T", "ms", -1},  {"needed", "mm", 0},
+  guards.columns = {{"guard", "", -1}, {"kind", "", -1}, {"T", "ms", -1}, {"needed", "mm", 0},
                     {"is", "mm", 0},   {"rule", "", -1}, {"note", "", -1}};
   for (const cell::GuardFigure& g : r.safety.guards)
     guards.rows.push_back(
@@ -704,8 +704,8 @@ std::string cell_events_csv(const CellResult& result) {
     for (const cell::Event& e : result.outcome().events) {
       constexpr double kMicroseconds = 1e6;  // more digits say nothing of a drive
       csv.add({std::round(e.time * kMicroseconds) / kMicroseconds,
-               e.step > 0 ? report::Csv::Field(static_cast<double>(e.step)) : report::Csv::Field(std::string()),
-               e.who, e.what, e.detail});
+               e.step > 0 ? report::Csv::Field(static_cast<double>(e.step)) : report::Csv::Field(std::string()), e.who,
+               e.what, e.detail});
     }
   }
   return csv.text();
@@ -730,11 +730,10 @@ std::string cell_page(const CellResult& r, const std::string& version, const std
   page.add_section("Answer");
   verdicts(page, r);
   if (r.simulated()) {
-    page.add_key_figures(
-        {{with_interval(r.study.throughput, r.study.outcomes.size() > 1 ? 2 : 1), "/min", "items into containers",
-          Verdict::neutral},
-         {report::fixed(r.cell.cost.total(), 0), r.cell.cost.currency, "parts", Verdict::neutral},
-         {distance_text(r.safety), "mm", "guard distance (ISO 13855)", Verdict::neutral}});
+    page.add_key_figures({{with_interval(r.study.throughput, r.study.outcomes.size() > 1 ? 2 : 1), "/min",
+                           "items into containers", Verdict::neutral},
+                          {report::fixed(r.cell.cost.total(), 0), r.cell.cost.currency, "parts", Verdict::neutral},
+                          {distance_text(r.safety), "mm", "guard distance (ISO 13855)", Verdict::neutral}});
   }
   page.add_text(
       "Judged: reach and limits of the machines at each place, bodies and links at sampled positions, the load of arms "

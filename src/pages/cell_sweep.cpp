@@ -119,7 +119,8 @@ std::string cell_sweep_page(const cell::Sweep& s, const std::string& version, co
     page.add_text(
         fmt::format("{}: {} values from {:g} to {:g}.", a.key, a.values.size(), a.values.front(), a.values.back()));
   page.add_text(fmt::format(
-      "Each combination was judged as by the command polypod cell alone, in {} of simulated time and {} run{}, all with "
+      "Each combination was judged as by the command polypod cell alone, in {} of simulated time and {} run{}, all "
+      "with "
       "the same random numbers. Numbers between those of the sweep were not judged, nor what the page of a cell lists "
       "as not judged.",
       s.seconds > 0 ? fmt::format("{:g} s", s.seconds) : std::string("the time of each"), s.seeds,

@@ -302,8 +302,10 @@ class CompliancePart {
     if (figures_.determinant() == nullptr) return;
     report_.add_section("The determinant of the Jacobian");
     const std::string caption =
-        "|det J|, the determinant of the Jacobian from joint speeds to the speeds of the tool. It is 0 where a direction "
-        "of motion is lost (type 1 singular pose), and grows beyond all bounds towards a pose at which the drives do not "
+        "|det J|, the determinant of the Jacobian from joint speeds to the speeds of the tool. It is 0 where a "
+        "direction "
+        "of motion is lost (type 1 singular pose), and grows beyond all bounds towards a pose at which the drives do "
+        "not "
         "constrain the tool (type 2, of machines with several legs).";
     // A square plane at full width would fill the screen.
     if (map_.rectangle.v[1] - map_.rectangle.v[0] > 0.6 * (map_.rectangle.u[1] - map_.rectangle.u[0])) {

@@ -82,8 +82,7 @@ class MachineReportPage {
   Result<std::optional<T>> unless_impossible(Result<T> result, ReportPart& part) const {
     if (result) return std::optional<T>(std::move(*result));
     static constexpr std::array kOfOptions{"WS100", "WS101", "WS104", "WS105", "WS108"};
-    const bool of_options =
-        std::find(kOfOptions.begin(), kOfOptions.end(), result.error().id) != kOfOptions.end();
+    const bool of_options = std::find(kOfOptions.begin(), kOfOptions.end(), result.error().id) != kOfOptions.end();
     if (cancelled() || of_options) return tl::unexpected(result.error());
     part.reason = result.error().message;
     if (!result.error().hint.empty()) part.reason += "; " + result.error().hint;
@@ -116,8 +115,9 @@ class MachineReportPage {
       return;
     }
     if (!task_.places()) {
-      statics_.reason = "the task does not hold x, y, z: there is no map over positions; `polypod compliance --pose` "
-                        "answers for one pose";
+      statics_.reason =
+          "the task does not hold x, y, z: there is no map over positions; `polypod compliance --pose` "
+          "answers for one pose";
       return;
     }
     constexpr int kLonger = 41;
@@ -130,13 +130,14 @@ class MachineReportPage {
     if (rectangle) {
       map.rectangle = *rectangle;
       const auto [columns, rows] = grid_counts(*rectangle, kLonger);
-      map.map = statics::compliance_map(
-          machine_, statics::plane_grid(map.plane, map.at, map.rectangle, columns, rows), R_MT);
+      map.map =
+          statics::compliance_map(machine_, statics::plane_grid(map.plane, map.at, map.rectangle, columns, rows), R_MT);
     }
     if (!rectangle || reached(map.map) == 0) {
-      statics_.reason = fmt::format("nothing is reached of the plane {} with the tool at zero tilt; `polypod map` draws "
-                                    "others",
-                                    place_of(map));
+      statics_.reason = fmt::format(
+          "nothing is reached of the plane {} with the tool at zero tilt; `polypod map` draws "
+          "others",
+          place_of(map));
       return;
     }
     map_ = std::move(map);
@@ -149,8 +150,7 @@ class MachineReportPage {
     constexpr std::size_t kCandidates = 400;
     constexpr std::array<std::size_t, 6> kCounts{10, 15, 20, 30, 50, 100};
     Plans out;
-    POLYPOD_ASSIGN(from,
-                   calibration::geometry_candidates(machine_, kCandidates, 1, calibration::Kind::point, {}, how));
+    POLYPOD_ASSIGN(from, calibration::geometry_candidates(machine_, kCandidates, 1, calibration::Kind::point, {}, how));
     out.from = std::move(from);
     for (const std::size_t count : kCounts) {
       said("calibration", static_cast<double>(out.plans.size()) / static_cast<double>(kCounts.size()));
@@ -160,8 +160,8 @@ class MachineReportPage {
       std::vector<Eigen::MatrixXd> measured;
       for (const std::size_t i : *chosen) measured.push_back(out.from.equations[i]);
       constexpr double kGridTilt_deg = 20;
-      const auto stands =
-          calibration::grid_stands(machine_, out.from.stands, count, units::from_deg(task_.turns() ? kGridTilt_deg : 0));
+      const auto stands = calibration::grid_stands(machine_, out.from.stands, count,
+                                                   units::from_deg(task_.turns() ? kGridTilt_deg : 0));
       const auto on_grid =
           calibration::geometry_equations(machine_, stands, calibration::Kind::point, {}, how, out.from);
       const auto predicted = [&](const std::vector<Eigen::MatrixXd>& equations) {
@@ -185,10 +185,10 @@ class MachineReportPage {
     } else if (volume_ && (volume_->proven || volume_->reached)) {
       const double error = 50 * (volume_->upper - volume_->lower) / std::max(volume_->volume, 1e-300);
       const auto [size, unit] = task_.places() ? volume_figure(*volume_) : region_figure(task_, *volume_);
-      figures.push_back({size, unit,
-                         fmt::format("workspace, ± {} % {}", number(error, 2),
-                                     volume_->proven ? "proven" : "(95 % of a sample)"),
-                         Verdict::neutral});
+      figures.push_back(
+          {size, unit,
+           fmt::format("workspace, ± {} % {}", number(error, 2), volume_->proven ? "proven" : "(95 % of a sample)"),
+           Verdict::neutral});
       figures_.volume = {volume_->volume, volume_->lower, volume_->upper};
     }
     if (fields_) quality_figures(figures);
@@ -204,14 +204,15 @@ class MachineReportPage {
     if (plans_) {
       const Plan& best = plans_->plans.back();
       figures_.calibrated = best.chosen;
-      figures.push_back({number(to_um(best.chosen)), "µm",
-                         fmt::format("standard deviation of a position after a calibration with {} measured positions",
-                                     best.poses),
-                         Verdict::neutral});
+      figures.push_back(
+          {number(to_um(best.chosen)), "µm",
+           fmt::format("standard deviation of a position after a calibration with {} measured positions", best.poses),
+           Verdict::neutral});
     }
     report_.add_key_figures(figures);
     report_.add_text(
-        "Each question has its chapters below, which say what they answer for. Tool directions, limits that are switched "
+        "Each question has its chapters below, which say what they answer for. Tool directions, limits that are "
+        "switched "
         "off and a box hold for workspace, errors and conditioning. Compliances are those of a tool at zero tilt in a "
         "plane, and measured positions for a calibration lie anywhere in the reach, both within all limits. The inputs "
         "stand once, at the end.");
@@ -258,8 +259,8 @@ class MachineReportPage {
       page.resolution = options_.resolution;
       page.progress = options_.progress;
       const auto add = task_.places() ? add_workspace : add_region;
-      POLYPOD_ASSIGN(inputs, unless_impossible(
-                                 add(report_, machine_, options_.survey.workspace, *volume_, page), workspace_));
+      POLYPOD_ASSIGN(inputs,
+                     unless_impossible(add(report_, machine_, options_.survey.workspace, *volume_, page), workspace_));
       if (inputs) {
         asked(*inputs);
         return {};
@@ -282,9 +283,9 @@ class MachineReportPage {
     constexpr int kInSpace = 28;
     page.resolution_in_space = kInSpace;
     said("errors", 0);
-    POLYPOD_ASSIGN(inputs,
-                   unless_impossible(add_quality(report_, machine_, options_.survey, options_.question, *fields_, page),
-                                     errors_));
+    POLYPOD_ASSIGN(
+        inputs,
+        unless_impossible(add_quality(report_, machine_, options_.survey, options_.question, *fields_, page), errors_));
     if (inputs) {
       asked(*inputs);
     } else {
@@ -305,10 +306,11 @@ class MachineReportPage {
     const Plan& best = plans_->plans.back();
     report_.add_verdict(
         Verdict::neutral,
-        fmt::format("Measured positions of the tool tell {} of {} unknowns of the geometry. With {} positions, each "
-                    "coordinate measured with a standard deviation of {:.6g} µm, the calibrated model predicts a coordinate "
-                    "of a position with a standard deviation of {} µm on average.",
-                    from.unknowns.size(), from.total, best.poses, noise, number(to_um(best.chosen))));
+        fmt::format(
+            "Measured positions of the tool tell {} of {} unknowns of the geometry. With {} positions, each "
+            "coordinate measured with a standard deviation of {:.6g} µm, the calibrated model predicts a coordinate "
+            "of a position with a standard deviation of {} µm on average.",
+            from.unknowns.size(), from.total, best.poses, noise, number(to_um(best.chosen))));
     report_.add_text(
         "This answers for the geometry that the machine's file describes, to first order, with the instrument's frame "
         "and target known: not for errors that the model does not hold, such as deflection and temperature.");
@@ -342,7 +344,7 @@ class MachineReportPage {
     report_.add_table(table);
     if (!from.held.empty()) {
       report::Table held;
-      held.caption = "Not told by positions: kept at their nominal values, or following from others";
+      held.caption = "Not identifiable from positions: kept at their nominal values, or following from others";
       held.columns = {{"parameter", ""}};
       for (const std::string& key : from.held) held.rows.push_back({key});
       held.folded = true;

@@ -290,7 +290,8 @@ class QualityPart {
     }
     return fmt::format(
         "The largest error of the tip that was seen, whatever the parts do within {}, is {} mm, and the largest of the "
-        "orientation {} mrad: at {} points of the {} and between the worst of them. Each is exact at its pose; poses that "
+        "orientation {} mrad: at {} points of the {} and between the worst of them. Each is exact at its pose; poses "
+        "that "
         "were not looked at may have more. At a point of the {} the worst case is {} mm and {} mrad on average.",
         given_of(page_), shown(most), shown(most_turned), fields_.survey.inside.size(), region(), region(),
         shown(p.mean), shown(o.mean));
@@ -436,8 +437,9 @@ class QualityPart {
       panels.emplace_back("the orientation", histogram(QualityValue::orientation, fields_.errors.orientation,
                                                        units::kMradPerRad, far_turned));
     }
-    report_.add_figure_grid(2, panels,
-                            fmt::format("Share of the points of the {}, per cent.", region()) + beyond(std::max(far, far_turned)));
+    report_.add_figure_grid(
+        2, panels,
+        fmt::format("Share of the points of the {}, per cent.", region()) + beyond(std::max(far, far_turned)));
   }
 
   /// Of tolerances: shares that add up to the worst case; of known errors: what each would do alone.
@@ -504,7 +506,8 @@ class QualityPart {
   void conditioning() {
     report_.add_section("Conditioning");
     std::string about =
-        "κ is the ratio of the tool's fastest to its slowest motion for joint speeds of one size; near 1 all directions "
+        "κ is the ratio of the tool's fastest to its slowest motion for joint speeds of one size; near 1 all "
+        "directions "
         "are alike.";
     if (kinematics::task(machine_).turns()) {
       about += fmt::format(
@@ -689,10 +692,11 @@ class QualityPart {
     whole.opacity = 0.14;
     scene.meshes.push_back(std::move(whole));
     if (kinematics::hangs_down(machine_)) hang(scene);
-    panels.emplace_back(fmt::format("{}: {} % of the {}{}", what,
-                                    fixed(100.0 * static_cast<double>(count) / static_cast<double>(values.size()), 1),
-                                    options_.box ? "points of the box" : "workspace", options_.box ? "" : ", which is pale"),
-                        scene);
+    panels.emplace_back(
+        fmt::format("{}: {} % of the {}{}", what,
+                    fixed(100.0 * static_cast<double>(count) / static_cast<double>(values.size()), 1),
+                    options_.box ? "points of the box" : "workspace", options_.box ? "" : ", which is pale"),
+        scene);
     return {};
   }
 
@@ -710,11 +714,12 @@ class QualityPart {
   }
 
   [[nodiscard]] Entries inputs() const {
-    Entries entries{{"tool directions of the errors", directions_of(machine_, options_, fields_.survey)},
-                    {kind_of(question_), given_of(page_)},
-                    {fmt::format("points of the {}", region()), fixed(static_cast<double>(fields_.survey.inside.size()), 0)},
-                    {"spacing", spacing()},
-                    {"points a side of a section", fixed(page_.resolution, 0)}};
+    Entries entries{
+        {"tool directions of the errors", directions_of(machine_, options_, fields_.survey)},
+        {kind_of(question_), given_of(page_)},
+        {fmt::format("points of the {}", region()), fixed(static_cast<double>(fields_.survey.inside.size()), 0)},
+        {"spacing", spacing()},
+        {"points a side of a section", fixed(page_.resolution, 0)}};
     if (options_.box) {
       const auto& [low, high] = *options_.box;
       entries.emplace_back("box", fmt::format("{} to {} {}", place(fields_.survey.task, low),

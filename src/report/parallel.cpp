@@ -71,9 +71,10 @@ std::string ParallelPlot::operator()(const Canvas& canvas) const {
       }
       d += svg::path(points);
     }
-    picture.body += fmt::format("<path d=\"{}\" class=\"{} l\" style=\"stroke-width:{};stroke-opacity:.75\"{}/>\n", d,
-                                svg::class_of(g.colour), px(g.stroke),
-                                canvas.again ? "" : fmt::format(" data-group=\"{}\" data-f=\"{}\"", escape(g.name), values.text()));
+    picture.body +=
+        fmt::format("<path d=\"{}\" class=\"{} l\" style=\"stroke-width:{};stroke-opacity:.75\"{}/>\n", d,
+                    svg::class_of(g.colour), px(g.stroke),
+                    canvas.again ? "" : fmt::format(" data-group=\"{}\" data-f=\"{}\"", escape(g.name), values.text()));
   }
   for (std::size_t i = 0; i < n; ++i) {
     const Axis& axis = axes[i];

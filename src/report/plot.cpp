@@ -306,9 +306,9 @@ std::string PathPlot::operator()(const Canvas& canvas) const {
     return out;
   };
   for (const Area& a : areas) {
-    picture.body += fmt::format("<path d=\"{}\" class=\"{} a edge{}\" data-area=\"{}\"/>\n",
-                                svg::path(to_pixels(a.outline), true), svg::class_of(a.colour),
-                                a.solid ? "" : " dash", escape(a.name));
+    picture.body +=
+        fmt::format("<path d=\"{}\" class=\"{} a edge{}\" data-area=\"{}\"/>\n", svg::path(to_pixels(a.outline), true),
+                    svg::class_of(a.colour), a.solid ? "" : " dash", escape(a.name));
   }
   for (const Polyline& l : lines) {
     const std::vector<Point> points = to_pixels(l.points);

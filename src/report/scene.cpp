@@ -302,7 +302,9 @@ std::string Scene::operator()(const Canvas& canvas) const {
   // What most triangles share stands once, on their group: half of the bytes of a picture.
   const double shared = meshes.empty() ? 1 : meshes.front().opacity;
   const auto look_of = [shared](double opacity, const std::string& fill) {
-    const std::string stroke = opacity >= 1 ? fmt::format(" stroke=\"{}\"", fill) : shared < 1 ? "" : " stroke=\"none\"";
+    const std::string stroke = opacity >= 1 ? fmt::format(" stroke=\"{}\"", fill)
+                               : shared < 1 ? ""
+                                            : " stroke=\"none\"";
     return stroke + (opacity == shared ? "" : fmt::format(" fill-opacity=\"{:.2g}\"", std::min(opacity, 1.0)));
   };
   std::vector<Piece> pieces;
@@ -346,9 +348,8 @@ std::string Scene::operator()(const Canvas& canvas) const {
         for (const Point3& corner_at : outline) corners.push_back(project(corner_at));
         const std::string d = svg::outline(corners);
         if (d.empty()) return;  // less than a tenth of a pixel wide
-        pieces.push_back(
-            {dot(p[0] + p[1] + p[2], to_eye) / 3,
-             fmt::format("<path d=\"{}\" fill=\"{}\"{}/>\n", d, fill, look_of(m.opacity, fill))});
+        pieces.push_back({dot(p[0] + p[1] + p[2], to_eye) / 3,
+                          fmt::format("<path d=\"{}\" fill=\"{}\"{}/>\n", d, fill, look_of(m.opacity, fill))});
       };
       if (!levels.empty() && m.value.size() == m.points.size()) {
         std::vector<Valued> rest;
@@ -386,10 +387,10 @@ std::string Scene::operator()(const Canvas& canvas) const {
       if (!finite(points[k])) continue;
       if (l.dots) {
         const Point p = project(points[k]);
-        pieces.push_back({dot(points[k], to_eye) + 1e-6 * longest,
-                          fmt::format("<circle cx=\"{}\" cy=\"{}\" r=\"{}\" class=\"{} f\" stroke=\"none\"{}/>\n",
-                                      px(p.x), px(p.y), px(l.stroke), svg::class_of(l.colour),
-                                      shared < 1 ? " fill-opacity=\"1\"" : "")});
+        pieces.push_back(
+            {dot(points[k], to_eye) + 1e-6 * longest,
+             fmt::format("<circle cx=\"{}\" cy=\"{}\" r=\"{}\" class=\"{} f\" stroke=\"none\"{}/>\n", px(p.x), px(p.y),
+                         px(l.stroke), svg::class_of(l.colour), shared < 1 ? " fill-opacity=\"1\"" : "")});
         continue;
       }
       if (k + 1 == points.size() || !finite(points[k + 1])) continue;

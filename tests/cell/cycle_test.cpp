@@ -556,7 +556,7 @@ TEST(CellVerdict, AFullContainerIsTooHeavy) {
   EXPECT_THAT(problems_of(cell), testing::Not(testing::Contains(testing::StartsWith("payload"))));
   cell.containers[0].mass = 4;
   EXPECT_THAT(problems_of(cell), testing::Contains(testing::AllOf(testing::StartsWith("payload: arm carries"),
-                                                                   testing::HasSubstr("with a full"))));
+                                                                  testing::HasSubstr("with a full"))));
 }
 
 // Two screws of 10 EUR each.

@@ -65,7 +65,8 @@ TEST(CellStudy, AllCombinationsGiveTheBestOfASweep) {
   const Study s = study_of(head() + kVary + kGoal);
   const auto swept =
       cell::sweep(test::source("examples/picking_line/cell.toml"), {{"task.pick.window_mm[1]", "450"}},
-                  {{"conveyor.belt.speed_mm_per_s", {100, 150, 200}}, {"task.pick.window_mm[2]", {1000, 1150}}}, [](const cell::Cell&) {
+                  {{"conveyor.belt.speed_mm_per_s", {100, 150, 200}}, {"task.pick.window_mm[2]", {1000, 1150}}},
+                  [](const cell::Cell&) {
                     cell::CellQuestion q;
                     q.settings.seconds = 120;
                     return q;

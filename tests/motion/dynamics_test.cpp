@@ -585,6 +585,10 @@ TEST(Dynamics, StagesBringTheirOwnMasses) {
   EXPECT_LT((forces(both) - expected).norm(), 1e-9 * expected.norm());
   EXPECT_EQ((*read_dynamics(both, *machine::load(both, {})))->not_read, (std::vector<int>{1, 2}));
   EXPECT_TRUE((*read_dynamics(own, *machine::load(own, {})))->not_read.empty());
+  // The tool of the whole stands for what the last stage carries.
+  const std::string tool =
+      written("stages-tool.toml", head + stages(own_first, own_second) + "[dynamics]\nplatform = { mass_kg = 4 }\n");
+  EXPECT_LT((forces(tool) - expected).norm(), 1e-12 * expected.norm());
   // As a table of the whole, which info -o writes.
   const Dynamics of_stages = **read_dynamics(own, *machine::load(own, {}));
   EXPECT_TRUE(of_stages.of_stages);
@@ -598,7 +602,8 @@ TEST(Dynamics, TheTableAsText) {
   const std::string text =
       "[dynamics]\nplatform = { mass_kg = 3, center_mm = [1, 2, 3], inertia_kg_m2 = [1, 2, 2.5, 0.1, 0.2, 0.3] }\n"
       "payload = { mass_kg = 0.5 }\n"
-      "strut = { fixed_mass_kg = 2, fixed_center_mm = 20, fixed_inertia_kg_m2 = 0.1, moving_mass_kg = 1, moving_center_mm = "
+      "strut = { fixed_mass_kg = 2, fixed_center_mm = 20, fixed_inertia_kg_m2 = 0.1, moving_mass_kg = 1, "
+      "moving_center_mm = "
       "-7, moving_inertia_kg_m2 = 0.02 }\ngravity_m_per_s2 = [0, 1, -9]\ndrive_inertia = [1, 2, 3, 4, 5, 6]\n"
       "friction = 4\nviscous = 0.5\ndamping_ratio = 0.07\n";
   const AnyMachine strut = load("hexapod-strut");
@@ -615,8 +620,9 @@ TEST(Dynamics, TheTableAsText) {
   EXPECT_EQ(second.friction, first.friction);
   // Of an arm one body a row, those without mass too.
   const AnyMachine arm = load("lola50");
-  const std::string links = written("links.toml", "[dynamics]\nlink = [ { mass_kg = 1 }, { mass_kg = 0 }, { mass_kg = 2, "
-                                                  "center_mm = [0, 5, 0] }, { mass_kg = 0 }, { mass_kg = 0 } ]\n");
+  const std::string links = written("links.toml",
+                                    "[dynamics]\nlink = [ { mass_kg = 1 }, { mass_kg = 0 }, { mass_kg = 2, "
+                                    "center_mm = [0, 5, 0] }, { mass_kg = 0 }, { mass_kg = 0 } ]\n");
   const auto of_arm = read_dynamics(links, arm);
   ASSERT_TRUE(of_arm) << to_string(of_arm.error());
   const Dynamics back = **read_dynamics(written("links-again.toml", to_toml(**of_arm)), arm);

@@ -140,7 +140,8 @@ TEST(MachineReport, FiguresAreThoseOfTheParts) {
   EXPECT_LT(made->figures.calibrated, options.noise_position);
 }
 
-// Options that no machine of this kind takes are refused, as `workspace` does, and a region that is not reached is said.
+// Options that no machine of this kind takes are refused, as `workspace` does, and a region that is not reached is
+// said.
 TEST(MachineReport, OptionsThatDoNotFitAndRegionsOutOfReach) {
   const machine::AnyMachine delta = loaded("delta-linear");
   MachineReportOptions options = small(delta);

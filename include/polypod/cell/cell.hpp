@@ -178,10 +178,10 @@ struct Guard {
   double resolution = 0.030;                    ///< m, of curtains and scanners
   double response = 0;                          ///< s, of the device
   bool resolution_given = false, response_given = false;
-  double opening = 0;                   ///< m, the largest opening in it
-  std::string opening_shape = "round";  ///< slot, square, round
+  double opening = 0;                                   ///< m, the largest opening in it
+  std::string opening_shape = "round";                  ///< slot, square, round
   std::optional<double> opening_height = std::nullopt;  ///< m, of its axis; none: at any height
-  std::string measure;                  ///< what else protects there, in words
+  std::string measure;                                  ///< what else protects there, in words
 };
 
 struct CostRow {

@@ -78,8 +78,8 @@ std::optional<std::pair<double, double>> across_range(const Cell& cell, int conv
 
 /// Asks every machine for every place of its tasks: the inverse and all limits of the machine at the place, above it
 /// and on the straight way between; deltas that pick from a belt plan the whole cycle (motion::plan) between nodes of a
-/// table, at most 40 mm apart along and 30 mm across, in larger windows 12 along and 12 across. Never fails: what cannot
-/// be done is a problem. Cost: 1 ms a node of a delta's table, 0.1 ms a slot.
+/// table, at most 40 mm apart along and 30 mm across, in larger windows 12 along and 12 across. Never fails: what
+/// cannot be done is a problem. Cost: 1 ms a node of a delta's table, 0.1 ms a slot.
 Motions motions(const Cell& cell);
 
 /// X_MT of a machine for a point or pose in C.

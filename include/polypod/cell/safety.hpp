@@ -73,10 +73,10 @@ struct Hazard {
   bool sampled = false;                            ///< the gap is the least at samples: between them it may be less
 };
 struct Safety {
-  /// m, the largest S = K T + C of a light curtain or scanner (ISO 13855), and with reaching over it: what it needs. NaN
-  /// where the standard has no value for one of them.
+  /// m, the largest S = K T + C of a light curtain or scanner (ISO 13855), and with reaching over it: what it needs.
+  /// NaN where the standard has no value for one of them.
   double guard_distance = 0, guard_needed = 0;
-  double stopping = 0;        ///< s, of the slowest machine
+  double stopping = 0;  ///< s, of the slowest machine
   std::vector<GuardFigure> guards;
   std::vector<Hazard> hazards;
   std::vector<Problem> problems;  ///< guards too near, without another measure; ways past all guards

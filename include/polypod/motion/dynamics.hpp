@@ -49,12 +49,12 @@ struct Dynamics {
   [[nodiscard]] std::vector<std::string> not_rigid() const;
 };
 
-/// The table `dynamics` of the TOML file at this path; nothing where the file has none (or is a URDF file). Of a machine
-/// in series whose table has no `[[dynamics.stage]]` the masses and the drives' numbers of the stages' own files count;
-/// the gravity is that of the whole, and what a stage carries is the next one and not its own payload. Errors:
-/// those of config, MO120 (an inertia that no body has: a negative principal moment, or one larger than 1.25 times the
-/// sum of the others), MO121 (a key that the machine has no part for), MO122 (as many numbers as drives, links as
-/// rows, stages as the machine has).
+/// The table `dynamics` of the TOML file at this path; nothing where the file has none (or is a URDF file). Of a
+/// machine in series whose table has no `[[dynamics.stage]]` the masses and the drives' numbers of the stages' own
+/// files count; the gravity is that of the whole, and what a stage carries is the next one and not its own payload.
+/// Errors: those of config, MO120 (an inertia that no body has: a negative principal moment, or one larger than 1.25
+/// times the sum of the others), MO121 (a key that the machine has no part for), MO122 (as many numbers as drives,
+/// links as rows, stages as the machine has).
 Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine);
 
 /// The table `dynamics` as text, which reads back as it is.

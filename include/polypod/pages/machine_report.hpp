@@ -14,16 +14,16 @@
 namespace polypod::pages {
 
 struct MachineReportOptions {
-  std::string version;               ///< of Polypod; default: not named
-  std::string command;               ///< how the page was made; default: not named
-  std::string machine;               ///< as the user named it; default: the machine's own name
-  std::vector<std::string> sets;     ///< `key=value` that were overridden
-  quality::SurveyOptions survey;     ///< directions and limits of the workspace and of what is surveyed in it
-  QualityQuestion question;          ///< tolerances or errors
-  std::vector<std::string> given;    ///< these as the user wrote them
-  bool assumed = false;              ///< nobody gave them
-  int resolution = 48;               ///< points along the longer side of a section, 8 to 512
-  double noise_position = 20e-6;     ///< m, standard deviation of a coordinate that is measured for a calibration
+  std::string version;             ///< of Polypod; default: not named
+  std::string command;             ///< how the page was made; default: not named
+  std::string machine;             ///< as the user named it; default: the machine's own name
+  std::vector<std::string> sets;   ///< `key=value` that were overridden
+  quality::SurveyOptions survey;   ///< directions and limits of the workspace and of what is surveyed in it
+  QualityQuestion question;        ///< tolerances or errors
+  std::vector<std::string> given;  ///< these as the user wrote them
+  bool assumed = false;            ///< nobody gave them
+  int resolution = 48;             ///< points along the longer side of a section, 8 to 512
+  double noise_position = 20e-6;   ///< m, standard deviation of a coordinate that is measured for a calibration
   std::function<void(const char*, double)> progress;  ///< what is being done, and its share
 };
 
