@@ -70,7 +70,7 @@ TEST_F(Folder, WhatAPageHoldsStaysText) {
       "<meta name=\"generator\" content=\"Polypod\"><title>&lt;script&gt;evil()&lt;/script&gt;</title>"
       "<p class=\"verdict\" onclick=\"evil()\"><script>evil()</script>bad</p>"
       "<div class=\"card\"><b><img src=x onerror=evil()>9</b><span><a href=\"http://x.example\">l</a></span></div>"
-      "<svg class=\"pp\" onload=\"evil()\"><script>evil()</script></svg>");
+      "<svg class=\"pp\" onload=\"evil()\"><script>evil()</script></svg></html>");
   const auto found = folder_page(folder_, "index.html", "");
   ASSERT_TRUE(found) << found.error().message;
   EXPECT_EQ(report::what_is_wrong(found->html), "");
