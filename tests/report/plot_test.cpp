@@ -303,6 +303,14 @@ TEST(ColourMap, DivergingIsLightestInTheMiddleAndBoundsHold) {
   EXPECT_LT(warm.substr(5, 2), warm.substr(1, 2)) << "red";
 }
 
+TEST(LinePlot, DotsHoldTheirValues) {
+  LinePlot plot;
+  plot.series = {{"before", {1, 2, 3}, {0.123456789, kNaN, -7}, Colour::blue, LineStyle::points, 2}};
+  const std::string svg = plot(kCanvas);
+  EXPECT_THAT(svg, HasSubstr("data-dots=\"before\" data-v=\"1,0.123456789;-;3,-7\""));
+  EXPECT_THAT(plot(Canvas{300, "t", true}), Not(HasSubstr("data-v"))) << "the wide drawing beside it holds them";
+}
+
 HeatMap ramp() {
   HeatMap map;
   map.columns = 11;
