@@ -92,8 +92,9 @@ std::vector<std::size_t> thinned(const Series& series, const Scale& X) {
   return out;
 }
 
+/// `values`: what the page's script reads, as attributes.
 void draw_points(Picture& picture, const std::vector<Point>& points, const std::string& name, Colour colour,
-                 double radius) {
+                 double radius, const std::string& values = "") {
   std::set<std::pair<long, long>> drawn;  // one dot a pixel
   std::string d;
   for (const Point& p : points) {
@@ -101,8 +102,8 @@ void draw_points(Picture& picture, const std::vector<Point>& points, const std::
     if (!drawn.emplace(std::lround(p.x), std::lround(p.y)).second) continue;
     d += fmt::format("M{} {}h0", px(p.x), px(p.y));
   }
-  picture.body += fmt::format("<path d=\"{}\" class=\"{} l\" style=\"stroke-width:{}\" data-dots=\"{}\"/>\n", d,
-                              svg::class_of(colour), px(2 * radius), escape(name));
+  picture.body += fmt::format("<path d=\"{}\" class=\"{} l\" style=\"stroke-width:{}\" data-dots=\"{}\"{}/>\n", d,
+                              svg::class_of(colour), px(2 * radius), escape(name), values);
 }
 
 LegendEntry entry_of(const Series& s) {
@@ -112,8 +113,8 @@ LegendEntry entry_of(const Series& s) {
 }  // namespace
 
 namespace {
-/// The values of a curve, for the page's script to read them off and to save them: of a short one all, of a longer one
-/// those that are drawn, as float32; of what cannot be thinned none.
+/// The values of a curve or of dots, for the page's script to read them off and to save them: of a short one all, of a
+/// longer one those that are drawn, as float32; of what cannot be thinned none.
 std::string values_of(const Series& s, const std::vector<std::size_t>& drawn) {
   constexpr std::size_t kMost = 1500, kMostPacked = 10000;
   if (drawn.empty() || drawn.size() > kMostPacked) return "";
@@ -205,13 +206,14 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
     std::vector<Point> points;
     points.reserve(drawn.size());
     for (const std::size_t i : drawn) points.push_back({X(s.x[i]), Y(s.y[i])});
+    const std::string values = canvas.again ? "" : values_of(s, drawn);
     if (s.style == LineStyle::points) {
-      draw_points(picture, points, s.name, s.colour, s.stroke);
+      draw_points(picture, points, s.name, s.colour, s.stroke, values);
       continue;
     }
     picture.body += fmt::format("<path d=\"{}\" class=\"{} l{}\" style=\"stroke-width:{}\" data-name=\"{}\"{}/>\n",
                                 svg::path(points), svg::class_of(s.colour), svg::class_of(s.style), px(s.stroke),
-                                escape(s.name), canvas.again ? "" : values_of(s, drawn));
+                                escape(s.name), values);
   }
   for (const Level& l : levels) {
     picture.body += fmt::format("<path d=\"M{} {}H{}\" class=\"{} l dash\" style=\"stroke-width:1.2\"/>\n", px(left),

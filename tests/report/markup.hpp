@@ -2,8 +2,11 @@
 // A look at the tags of a page or a picture, for tests.
 #pragma once
 
+#include <bit>
 #include <cctype>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <set>
 #include <string>
 #include <vector>
@@ -93,6 +96,36 @@ inline std::vector<Point> corners_of(const std::string& d) {
     }
     if (!std::isfinite(out.back().x + out.back().y)) return {};
   }
+  return out;
+}
+
+/// The bytes that base64 stands for.
+inline std::vector<std::uint8_t> bytes_of(const std::string& base64) {
+  std::vector<std::uint8_t> out;
+  std::uint32_t bits = 0;
+  int count = 0;
+  for (const char c : base64) {
+    if (c == '=') break;
+    const int digit = c >= 'A' && c <= 'Z'   ? c - 'A'
+                      : c >= 'a' && c <= 'z' ? c - 'a' + 26
+                      : c >= '0' && c <= '9' ? c - '0' + 52
+                      : c == '+'             ? 62
+                                             : 63;
+    bits = bits << 6 | static_cast<std::uint32_t>(digit);
+    count += 6;
+    if (count < 8) continue;
+    count -= 8;
+    out.push_back(static_cast<std::uint8_t>(bits >> count & 255U));
+  }
+  return out;
+}
+
+/// Numbers of one type from their bytes, on a little-endian machine.
+template <class Number>
+std::vector<Number> numbers_of(const std::vector<std::uint8_t>& bytes) {
+  static_assert(std::endian::native == std::endian::little);
+  std::vector<Number> out(bytes.size() / sizeof(Number));
+  if (!out.empty()) std::memcpy(out.data(), bytes.data(), out.size() * sizeof(Number));
   return out;
 }
 

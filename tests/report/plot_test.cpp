@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
-#include <cstring>
 #include <limits>
 #include <regex>
 #include <set>
@@ -59,29 +58,11 @@ std::vector<std::uint8_t> bytes_in(const std::string& svg, const std::string& ke
   const std::string start = " " + key + "=\"";
   const std::size_t from = svg.find(start);
   if (from == std::string::npos) return {};
-  std::vector<std::uint8_t> out;
-  std::uint32_t bits = 0;
-  int count = 0;
-  for (std::size_t i = from + start.size(); svg[i] != '"' && svg[i] != '='; ++i) {
-    const char c = svg[i];
-    const int digit = c >= 'A' && c <= 'Z'   ? c - 'A'
-                      : c >= 'a' && c <= 'z' ? c - 'a' + 26
-                      : c >= '0' && c <= '9' ? c - '0' + 52
-                      : c == '+'             ? 62
-                                             : 63;
-    bits = bits << 6 | static_cast<std::uint32_t>(digit);
-    count += 6;
-    if (count < 8) continue;
-    count -= 8;
-    out.push_back(static_cast<std::uint8_t>(bits >> count & 255U));
-  }
-  return out;
+  const std::size_t begin = from + start.size();
+  return bytes_of(svg.substr(begin, svg.find('"', begin) - begin));
 }
 std::vector<float> floats_in(const std::string& svg, const std::string& key) {
-  const std::vector<std::uint8_t> bytes = bytes_in(svg, key);
-  std::vector<float> out(bytes.size() / sizeof(float));
-  if (!out.empty()) std::memcpy(out.data(), bytes.data(), out.size() * sizeof(float));
-  return out;
+  return numbers_of<float>(bytes_in(svg, key));
 }
 
 TEST(Number, SensibleDigits) {
@@ -322,6 +303,14 @@ TEST(ColourMap, DivergingIsLightestInTheMiddleAndBoundsHold) {
   EXPECT_LT(warm.substr(5, 2), warm.substr(1, 2)) << "red";
 }
 
+TEST(LinePlot, DotsHoldTheirValues) {
+  LinePlot plot;
+  plot.series = {{"before", {1, 2, 3}, {0.123456789, kNaN, -7}, Colour::blue, LineStyle::points, 2}};
+  const std::string svg = plot(kCanvas);
+  EXPECT_THAT(svg, HasSubstr("data-dots=\"before\" data-v=\"1,0.123456789;-;3,-7\""));
+  EXPECT_THAT(plot(Canvas{300, "t", true}), Not(HasSubstr("data-v"))) << "the wide drawing beside it holds them";
+}
+
 HeatMap ramp() {
   HeatMap map;
   map.columns = 11;
@@ -386,6 +375,56 @@ TEST(HeatMap, ContoursLieWhereTheValueIs) {
   EXPECT_GE(tenths.size(), 9u);
   EXPECT_THAT(svg, HasSubstr(">C, um/N<"));
 }
+
+/// A ramp whose values are no levels: its contours lie between the points of its grid.
+struct Ramp {
+  const char* name;
+  double value_at_start, per_cell;
+  bool along_y;
+};
+class Contours : public testing::TestWithParam<Ramp> {};
+
+TEST_P(Contours, LieBetweenThePointsWhereEachLevelIsReached) {
+  const Ramp& r = GetParam();
+  HeatMap map = ramp();
+  map.values.clear();
+  for (int j = 0; j < map.rows; ++j)
+    for (int i = 0; i < map.columns; ++i) map.values.push_back(r.value_at_start + r.per_cell * (r.along_y ? j : i));
+  const std::string svg = map(kCanvas);
+  std::smatch match;
+  const std::regex box(
+      "<clipPath id=\"t-box\"><rect x=\"([0-9.]+)\" y=\"([0-9.]+)\" width=\"([0-9.]+)\" height=\"([0-9.]+)\"");
+  ASSERT_TRUE(std::regex_search(svg, match, box));
+  // Along the ramp, from its first point: to the right, or upwards.
+  const double start = r.along_y ? std::stod(match[2]) + std::stod(match[4]) : std::stod(match[1]);
+  const double length = r.along_y ? -std::stod(match[4]) : std::stod(match[3]);
+  const int cells = r.along_y ? map.rows - 1 : map.columns - 1;
+  const auto value_at = [&](double px) { return r.value_at_start + r.per_cell * cells * (px - start) / length; };
+  const double kPixel = 0.11 * std::abs(r.per_cell * cells / length);  // coordinates have one decimal
+
+  ASSERT_TRUE(std::regex_search(svg, match, std::regex("<path d=\"([^\"]*)\" class=\"contour\"/>")));
+  const std::string d = match[1];
+  const std::regex point("[ML]([0-9.]+) ([0-9.]+)");
+  std::set<int> levels;
+  for (auto it = std::sregex_iterator(d.begin(), d.end(), point); it != std::sregex_iterator(); ++it) {
+    const double value = value_at(std::stod((*it)[r.along_y ? 2 : 1]));
+    EXPECT_NEAR(value, std::round(value), kPixel) << (*it)[0];
+    levels.insert(static_cast<int>(std::lround(value)));
+  }
+  EXPECT_EQ(levels.size(), 10U);
+  // The number at a contour is the value there; it stands 4 px below the middle of the contour.
+  const std::regex label("<text x=\"([0-9.]+)\" y=\"([0-9.]+)\" class=\"on\"[^>]*>([0-9]+)<");
+  int labels = 0;
+  for (auto it = std::sregex_iterator(svg.begin(), svg.end(), label); it != std::sregex_iterator(); ++it, ++labels) {
+    EXPECT_NEAR(value_at(r.along_y ? std::stod((*it)[2]) - 4 : std::stod((*it)[1])), std::stod((*it)[3]), kPixel);
+  }
+  EXPECT_GE(labels, 3);
+}
+
+INSTANTIATE_TEST_SUITE_P(HeatMap, Contours,
+                         testing::Values(Ramp{"Rising", 0.3, 1, false}, Ramp{"Falling", 10.7, -1, false},
+                                         Ramp{"Upwards", 0.2, 2, true}, Ramp{"Downwards", 10.9, -2, true}),
+                         [](const auto& tested) { return std::string(tested.param.name); });
 
 TEST(HeatMap, ValuesThatAreNotThereAreLeftBlank) {
   HeatMap map = ramp();

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <limits>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <regex>
 
 #include "polypod/report/stl.hpp"
@@ -173,6 +174,77 @@ TEST(SceneData, HoldsPointsInStepsAndLinesAsFloats) {
   EXPECT_THAT(json, HasSubstr("\"points\":\"AAAAAAAAgD8AAMB/\""));
   EXPECT_THAT(json, HasSubstr("\"colour\":\"sky\""));
   EXPECT_THAT(json, Not(HasSubstr("nan")));
+}
+
+/// Numbers in steps as a reader has them; `step` is that of each of the numbers.
+struct Read {
+  std::vector<double> values, step;
+};
+Read read_steps(const nlohmann::json& steps) {
+  const auto whole = numbers_of<std::uint16_t>(bytes_of(steps["data"]));
+  const auto low = steps["low"].get<std::vector<double>>(), step = steps["step"].get<std::vector<double>>();
+  Read out;
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const std::size_t k = i % low.size();
+    out.values.push_back(whole[i] == 65535 ? std::nan("") : low[k] + step[k] * whole[i]);
+    out.step.push_back(step[k]);
+  }
+  return out;
+}
+void expect_read(const Read& read, const std::vector<double>& given, double range, const char* what) {
+  ASSERT_EQ(read.values.size(), given.size()) << what;
+  constexpr double kRounding = 1 + 1e-9;  // of the sums, of half a step
+  for (std::size_t i = 0; i < given.size(); ++i) {
+    if (!std::isfinite(given[i])) {
+      EXPECT_TRUE(std::isnan(read.values[i])) << what << " " << i;
+      continue;
+    }
+    EXPECT_NEAR(read.values[i], given[i], read.step[i] / 2 * kRounding) << what << " " << i;
+    EXPECT_LT(read.step[i], range / 60000) << "a step is small beside what there is";
+  }
+}
+std::vector<double> coordinates(const std::vector<Point3>& points) {
+  std::vector<double> out;
+  for (const Point3& p : points) out.insert(out.end(), {p.x, p.y, p.z});
+  return out;
+}
+
+TEST(SceneData, WhatIsPutInIsReadBack) {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  Scene scene;
+  Mesh mesh;
+  mesh.points = {{-300, 20, 1000}, {17.3, 21.7, 1033.3}, {412.9, 27, 1077}, {55, 23.1, 1050.5}};
+  mesh.triangles = {{0, 1, 2}, {1, 2, 3}};
+  mesh.value = {-7.25, 0.4, 93.111, kNaN};
+  mesh.shifts.along = {0.6, 0, -0.8};
+  mesh.shifts.at = {0.1, 2.5, 2.75};
+  mesh.shifts.point = {2, 0, 2};
+  mesh.shifts.by = {-1.3, 4.7, 12.9};
+  scene.meshes = {mesh};
+  scene.levels = {1, 10};
+  scene.lines = {{"tool", {{-290, 20, 1001}, {400, 26, 1070}}}};
+  scene.lines[0].moves = true;
+  Frames frames;
+  frames.at = {0, 1};
+  frames.points = {scene.lines[0].points, {{-250.5, 22.2, 1040}, {333.3, 25.1, 1012}}};
+  scene.frames = {frames};
+
+  const nlohmann::json json = nlohmann::json::parse(scene_data(scene));
+  const nlohmann::json& read = json["meshes"][0];
+  constexpr double kWidest = 2 * 712.9;  // mm, of the scene with its air
+  expect_read(read_steps(read["points"]), coordinates(mesh.points), kWidest, "point");
+  expect_read(read_steps(read["value"]), mesh.value, 93.111 + 7.25 + 1, "value");
+  std::vector<double> moving;
+  for (const auto& frame : frames.points)
+    for (const double x : coordinates(frame)) moving.push_back(x);
+  expect_read(read_steps(json["frames"][0]["points"]), moving, kWidest, "point of a frame");
+
+  const nlohmann::json& shifts = read["shifts"];
+  EXPECT_EQ(shifts["along"].get<std::vector<double>>(), (std::vector<double>{0.6, 0, -0.8}));
+  const auto floats = [&](const char* key) { return numbers_of<float>(bytes_of(shifts[key])); };
+  EXPECT_EQ(floats("at"), (std::vector<float>{0.1F, 2.5F, 2.75F}));
+  EXPECT_EQ(numbers_of<std::uint32_t>(bytes_of(shifts["point"])), (std::vector<std::uint32_t>{2, 0, 2}));
+  EXPECT_EQ(floats("by"), (std::vector<float>{-1.3F, 4.7F, 12.9F}));
 }
 
 TEST(SceneData, FramesWidenTheBoxAndKeepTheirOrder) {

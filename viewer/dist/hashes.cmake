@@ -1,3 +1,3 @@
-set(page_sha256 rWkhwGF/gz8SrLy3LWQq4g47MQNlDRc/O3FGjdlyW9E=)
-set(live_sha256 givrUIb3D/GqFiMbufZf+CrjR5IpsND9bdS4yAEabwo=)
-set(viewer_sha256 kWiMutEztsNtqLh17imWKj784rSUgutoWPFQD+R5Sus=)
+set(page_sha256 tyi7DZSkfT8M61pRJnR4bwhJ8KbzY2J9SbklpRLi1i0=)
+set(live_sha256 sUnAva2L4yM1TnmjI/+qJxIUxqMPMOSKcih6YRY0gLQ=)
+set(viewer_sha256 8YDTbRMFwG4TVoh7OO8zLJ2M36V2Eg3T7PiMM/HBaaY=)

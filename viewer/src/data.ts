@@ -1,6 +1,8 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // What a page holds of a scene (written by src/report/scene_data.cpp), and how it is unpacked.
 
+import { shorts } from './packed';
+
 export type Vec = [number, number, number];
 
 /** Numbers in steps: value = low + step * whole number; 65535 stands for none. */
@@ -62,19 +64,8 @@ export interface SceneData {
   colours?: { name: string; unit: string; low: number; high: number; map: string[] };
 }
 
-function bytes(text: string): ArrayBuffer {
-  const raw = atob(text);
-  const out = new Uint8Array(raw.length);
-  for (let i = 0; i < raw.length; ++i) out[i] = raw.charCodeAt(i);
-  return out.buffer;
-}
-
-export const floats = (text: string): Float32Array => new Float32Array(bytes(text));
-export const wholes = (text: string): Uint32Array => new Uint32Array(bytes(text));
-export const smalls = (text: string): Int8Array => new Int8Array(bytes(text));
-
 export function unpacked(steps: Steps): Float32Array {
-  const packed = new Uint16Array(bytes(steps.data));
+  const packed = shorts(steps.data);
   const n = steps.low.length;
   const out = new Float32Array(packed.length);
   for (let i = 0; i < packed.length; ++i) {

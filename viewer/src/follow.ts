@@ -3,7 +3,7 @@
 // nothing; each question says how far this page has read.
 
 import type { LineData, SceneData, Vec } from './data';
-import { floats } from './data';
+import { floats } from './packed';
 
 interface Figure {
   name: string;

@@ -2,8 +2,9 @@
 // Lines and dots of a scene. Their points may come from frames, and may be moved off by a factor.
 
 import { BufferAttribute, BufferGeometry, type Color, Mesh, type Object3D, Points, type ShaderMaterial, type Vector2 } from 'three';
-import { floats, type LineData } from './data';
+import type { LineData } from './data';
 import { dotMaterial, lineMaterial } from './materials';
+import { floats } from './packed';
 
 const kAway = 1e30; // where nothing is seen
 

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Numbers for people, as src/report/svg.cpp writes them.
+// Numbers for people: steps of axes as src/report/svg.cpp has them, and a minus sign instead of a hyphen. Unlike there,
+// thousands stand without spaces.
 
 export const kMinus = '\u2212';
 
@@ -24,6 +25,11 @@ export function fixed(value: number, decimals: number): string {
 /** With as many decimals as a difference of `span` / 1000 needs. */
 export function shown(value: number, span: number): string {
   return fixed(value, Math.max(0, Math.min(6, 3 - Math.floor(Math.log10(span || 1) + 1e-9))));
+}
+
+/** With so many digits, and without zeros at the end. */
+export function figure(value: number, digits: number): string {
+  return Number.isFinite(value) ? String(Number(value.toPrecision(digits))).replaceAll('-', kMinus) : 'n/a';
 }
 
 export function decimalsOf(values: number[]): number {

@@ -3,25 +3,17 @@
 // The attributes are written by src/report: `data-plot` says what kind of plot it is ("curves", "bins", "map", "plane",
 // "parallel"), `data-x` and `data-y` are its scales (from, to, and where these are in the picture).
 
+import { figure, shown } from './numbers';
+import { floats, octets } from './packed';
+
 export interface Tip {
   show(rows: string[], x: number, y: number): void;
   hide(): void;
 }
 type Pair = [number, number];
 
-export function shown(value: number, span: number): string {
-  return value.toFixed(Math.max(0, Math.min(6, 2 - Math.floor(Math.log10(span || 1)))));
-}
-const five = (value: number): string => String(Number(value.toPrecision(5)));
-
-function bytes(text: string): ArrayBuffer {
-  return Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
-}
-/** Little-endian float32, on any machine. */
-function floats(text: string): Float32Array {
-  const view = new DataView(bytes(text));
-  return Float32Array.from({ length: view.byteLength / 4 }, (_, i) => view.getFloat32(4 * i, true));
-}
+const five = (value: number): string => figure(value, 5);
+const kNear = 8; // px: how far the pointer may be from a line or a dot that it reads
 
 interface Scale {
   (value: number): number;
@@ -51,11 +43,13 @@ function holder(svg: SVGSVGElement): SVGSVGElement {
 
 export interface Curve {
   name: string;
+  dots: boolean; // at the points, without a line through them
   values: Pair[] | null;
-  runs: number[][][];
+  runs: number[][][]; // px; of dots each alone
 }
 export function curvesOf(svg: SVGSVGElement): Curve[] {
-  const own = [...svg.querySelectorAll<SVGPathElement>('path[data-name]')], wide = [...holder(svg).querySelectorAll<SVGPathElement>('path[data-name]')];
+  const drawn = 'path[data-name],path[data-dots]';
+  const own = [...svg.querySelectorAll<SVGPathElement>(drawn)], wide = [...holder(svg).querySelectorAll<SVGPathElement>(drawn)];
   return own.map((path, k) => {
     const { v, f } = (wide[k] ?? path).dataset;
     let values: Pair[] | null = v?.split(';').map((p) => (p === '-' ? [NaN, NaN] : p.split(',').map(Number)) as Pair) ?? null;
@@ -65,7 +59,8 @@ export function curvesOf(svg: SVGSVGElement): Curve[] {
     }
     const d = path.getAttribute('d') ?? '';
     const runs = /[VHZz]/.test(d) ? [] : d.split('M').filter(Boolean).map((run) => run.split('L').map((point) => point.split(' ').map(parseFloat)));
-    return { name: path.dataset['name'] ?? '', values, runs };
+    const { name, dots } = path.dataset;
+    return { name: name ?? dots ?? '', dots: dots !== undefined, values, runs };
   });
 }
 
@@ -85,7 +80,7 @@ function gridOf(svg: SVGSVGElement): Grid | null {
   if (grid === undefined || f === undefined) return null;
   const [columns = 0, rows = 0, x0 = 0, x1 = 1, y0 = 0, y1 = 1] = grid.split(' ').map(Number);
   return {
-    columns, rows, x: [x0, x1], y: [y0, y1], values: floats(f), kinds: k === undefined ? null : new Uint8Array(bytes(k)),
+    columns, rows, x: [x0, x1], y: [y0, y1], values: floats(f), kinds: k === undefined ? null : octets(k),
     names: (kinds ?? '').split(';'), what: value ?? '', unit: unit ?? '',
   };
 }
@@ -134,17 +129,19 @@ export function tableOf(svg: SVGSVGElement): (string | number)[][] | null {
   return rows;
 }
 
-/** The value of a curve at x, if x lies on it: that of the nearest point. */
-function nearest(values: Pair[], x: number): Pair | null {
-  let best: Pair | null = null;
+/** The points of a curve whose x is nearest to the given one, where that is within its range. */
+function nearest(values: Pair[], x: number): Pair[] {
+  let best: Pair[] = [];
   let low = Infinity, high = -Infinity;
   for (const point of values) {
     if (!Number.isFinite(point[0])) continue;
     low = Math.min(low, point[0]);
     high = Math.max(high, point[0]);
-    if (best === null || Math.abs(point[0] - x) < Math.abs(best[0] - x)) best = point;
+    const closer = best.length === 0 ? 1 : Math.abs(best[0]![0] - x) - Math.abs(point[0] - x);
+    if (closer > 0) best = [point];
+    else if (point[0] === best[0]![0]) best.push(point);
   }
-  return x < low || x > high ? null : best;
+  return x < low || x > high ? [] : best;
 }
 
 /** A part of the x axis with a name, as a line of the program. */
@@ -210,33 +207,59 @@ export class Plot {
     if (!this.X.inside(x)) return [];
     if (this.kind === 'map') return this.Y.inside(y) ? this.readMap(x, y, e) : [];
     if (this.kind === 'plane') return this.Y.inside(y) ? this.readPlane(x, y, e) : [];
-    return this.readCurves(x);
+    return this.readCurves(x, y);
   }
 
-  private readCurves(x: number): string[] {
-    const v = this.X.back(x), unit = this.svg.dataset['unit'] ?? '';
-    let at = v;
-    const rows: string[] = [];
-    for (const curve of this.curves) {
+  /** The dots of a series: their values, and where they are in the picture. Without values they are read off it. */
+  private dotsOf(curve: Curve): { at: Pair; value: Pair }[] {
+    if (curve.values === null) return curve.runs.map(([dot]) => ({ at: dot as Pair, value: [this.X.back(dot![0]!), this.Y.back(dot![1]!)] }));
+    const inside = ([x, y]: Pair): boolean => this.X.inside(x) && this.Y.inside(y);
+    return curve.values.map((value) => ({ at: [this.X(value[0]), this.Y(value[1])] as Pair, value })).filter(({ at }) => inside(at));
+  }
+
+  /** Every curve at the place of the pointer, or of the dot that it is on; dots that are above or below that place. */
+  private readCurves(x: number, y: number): string[] {
+    const unit = this.svg.dataset['unit'] ?? '';
+    const dots = this.curves.map((curve) => (curve.dots ? this.dotsOf(curve) : []));
+    let on: { at: Pair; value: Pair } | null = null, best = kNear;
+    for (const dot of dots.flat()) {
+      const off = Math.hypot(dot.at[0] - x, dot.at[1] - y);
+      if (!(off <= best)) continue; // of equal ones the last, which is drawn on top
+      best = off;
+      on = dot;
+    }
+    const px = on === null ? x : on.at[0], v = on === null ? this.X.back(x) : on.value[0];
+    const told: { text: string; x: number }[] = [];
+    this.curves.forEach((curve, k) => {
+      const says = (what: string, at: number): void => void told.push({ text: `${curve.name || this.svg.dataset['yname']}: ${what} ${unit}`.trimEnd(), x: at });
+      if (curve.dots) {
+        const beside = ({ at }: { at: Pair }): number => Math.abs(at[0] - px);
+        const order = (a: { at: Pair }, b: { at: Pair }): number => beside(a) - beside(b) || Math.abs(a.at[1] - y) - Math.abs(b.at[1] - y);
+        const dot = on !== null && dots[k]!.includes(on) ? on : dots[k]!.filter((d) => beside(d) <= kNear).sort(order)[0];
+        if (dot) says(curve.values === null ? `about ${shown(dot.value[1], 10 * this.Y.span)}` : figure(dot.value[1], 6), dot.value[0]);
+        return;
+      }
       if (curve.values !== null) {
-        const point = nearest(curve.values, v);
-        if (point === null || !Number.isFinite(point[1])) continue;
-        at = point[0];
-        rows.push(`${curve.name}: ${Number(point[1].toPrecision(6))} ${unit}`);
-        continue;
+        const points = nearest(curve.values, v).filter((p) => Number.isFinite(p[1])), all = points.map((p) => p[1]);
+        if (points.length === 0) return;
+        const [low, high] = [Math.min(...all), Math.max(...all)].map((w) => figure(w, 6));
+        says(low === high ? low! : `${low} to ${high}`, points[0]![0]);
+        return;
       }
       curve.runs.some((run) => {
         for (let i = 1; i < run.length; ++i) {
           const a = run[i - 1]!, b = run[i]!;
-          if (a[0]! > x || x > b[0]!) continue;
-          const t = b[0]! > a[0]! ? (x - a[0]!) / (b[0]! - a[0]!) : 0;
-          rows.push(`${curve.name}: about ${shown(this.Y.back(a[1]! + t * (b[1]! - a[1]!)), this.Y.span)} ${unit}`);
+          if (a[0]! > px || px > b[0]!) continue;
+          const t = b[0]! > a[0]! ? (px - a[0]!) / (b[0]! - a[0]!) : 0;
+          says(`about ${shown(this.Y.back(a[1]! + t * (b[1]! - a[1]!)), 10 * this.Y.span)}`, v); // 10: a digit less
           return true;
         }
         return false;
       });
-    }
-    rows.unshift(`${this.title}: ${shown(at, this.X.span / 10)}`);
+    });
+    const place = (at: number): string => shown(at, this.X.span);
+    const at = place(on !== null ? v : (told[told.length - 1]?.x ?? v));
+    const rows = [`${this.title}: ${at}`, ...told.map((row) => (place(row.x) === at ? row.text : `${row.text} at ${place(row.x)}`))];
     const part = this.partAt(v);
     if (part) rows.push(part.name);
     return rows;
@@ -251,7 +274,7 @@ export class Plot {
     const index = (range: Pair, value: number, count: number): number => Math.max(0, Math.min(count - 1, Math.round(((value - range[0]) / (range[1] - range[0] || 1)) * (count - 1))));
     const i = index(grid.x, this.X.back(x), grid.columns), j = index(grid.y, this.Y.back(y), grid.rows);
     const value = grid.values[j * grid.columns + i]!;
-    rows.push(`${this.title}: ${shown(along(grid.x, i, grid.columns), this.X.span / 10)}`, `${this.svg.dataset['yname']}: ${shown(along(grid.y, j, grid.rows), this.Y.span / 10)}`);
+    rows.push(`${this.title}: ${shown(along(grid.x, i, grid.columns), this.X.span)}`, `${this.svg.dataset['yname']}: ${shown(along(grid.y, j, grid.rows), this.Y.span)}`);
     if (!Number.isFinite(value)) return [...rows, 'no value here'];
     if (grid.what !== '' || grid.kinds === null) rows.push(`${grid.what || 'value'}: ${five(value)} ${grid.unit}`.trimEnd());
     const kind = grid.kinds === null ? undefined : grid.names[grid.kinds[j * grid.columns + i]!];
@@ -266,7 +289,7 @@ export class Plot {
     const i = Math.max(1, places.findIndex((place) => place >= along));
     if (!(along >= places[0]! && along <= places[places.length - 1]!)) return [];
     const t = (along - places[i - 1]!) / (places[i]! - places[i - 1]!);
-    let best = 8; // px
+    let best = kNear;
     let found: (typeof lines)[number] | null = null;
     for (const line of lines) {
       const a = scales[i - 1]!(line.values[i - 1]!), b = scales[i]!(line.values[i]!);
@@ -280,7 +303,7 @@ export class Plot {
 
   /** The nearest line or dot, and the areas: positions to what a pixel tells. */
   private readPlane(x: number, y: number, e: MouseEvent): string[] {
-    let best = 8, at: Pair = [x, y], name: string | null = null; // px
+    let best = kNear, at: Pair = [x, y], name: string | null = null;
     const near = (p: Pair, what: string): void => {
       const off = Math.hypot(p[0] - x, p[1] - y);
       if (!(off < best)) return;
@@ -290,6 +313,7 @@ export class Plot {
     };
     for (const curve of this.curves) {
       for (const run of curve.runs) {
+        if (curve.dots) near(run[0] as Pair, curve.name);
         for (let i = 1; i < run.length; ++i) {
           const [ax, ay] = run[i - 1] as Pair, [bx, by] = run[i] as Pair;
           const length = (bx - ax) ** 2 + (by - ay) ** 2;
@@ -298,24 +322,21 @@ export class Plot {
         }
       }
     }
-    for (const path of this.svg.querySelectorAll<SVGPathElement>('path[data-dots]')) {
-      for (const dot of (path.getAttribute('d') ?? '').split('M').filter(Boolean)) near(dot.split(' ').map(parseFloat) as Pair, path.dataset['dots'] ?? '');
-    }
     const pixel = 1000 * Math.abs(this.X.back(1) - this.X.back(0));
-    const rows = [`${this.title}: ${shown(this.X.back(at[0]), pixel / 10)}`, `${this.svg.dataset['yname']}: ${shown(this.Y.back(at[1]), pixel / 10)}`];
+    const rows = [`${this.title}: ${shown(this.X.back(at[0]), pixel)}`, `${this.svg.dataset['yname']}: ${shown(this.Y.back(at[1]), pixel)}`];
     if (name) rows.unshift(name);
     const areas = document.elementsFromPoint(e.clientX, e.clientY).map((part) => (part as SVGElement).dataset?.['area']).filter((area): area is string => !!area);
     return [...rows, ...new Set(areas)];
   }
 
-  /** Least, greatest and mean of each curve over a stretch. */
+  /** Least and greatest value of each curve over a stretch. */
   over(from: number, to: number): string[] {
     const unit = this.svg.dataset['unit'] ?? '';
     return this.curves.flatMap((curve) => {
       const inside = (curve.values ?? []).filter(([x, y]) => x >= from && x <= to && Number.isFinite(y)).map(([, y]) => y);
       if (inside.length === 0) return [];
       const low = Math.min(...inside), high = Math.max(...inside);
-      return [`${curve.name}: ${five(low)} to ${five(high)} ${unit}`];
+      return [`${curve.name || this.svg.dataset['yname']}: ${five(low)} to ${five(high)} ${unit}`.trimEnd()];
     });
   }
 
@@ -369,7 +390,7 @@ function choose(stretch: Stretch | null, plots: Plot[]): void {
       const told = document.createElement('p');
       told.className = 'stretch';
       told.setAttribute('role', 'status');
-      const ends = [stretch.from, stretch.to].map((v) => shown(v, plot.X.span / 10)).join(' to ');
+      const ends = [stretch.from, stretch.to].map((v) => shown(v, plot.X.span)).join(' to ');
       told.textContent = [`${stretch.title}: ${ends}`, ...plot.over(stretch.from, stretch.to)].join('; ') + '. ';
       const clear = document.createElement('button');
       clear.type = 'button';
@@ -408,7 +429,7 @@ function drags(plot: Plot, plots: Plot[], tip: Tip): void {
     const to = within(e);
     mark?.remove();
     mark = plot.mark(Math.min(from, to), Math.max(from, to), 'stretch');
-    tip.show([`${plot.title}: ${[Math.min(from, to), Math.max(from, to)].map((v) => shown(v, plot.X.span / 10)).join(' to ')}`], e.clientX, e.clientY);
+    tip.show([`${plot.title}: ${[Math.min(from, to), Math.max(from, to)].map((v) => shown(v, plot.X.span)).join(' to ')}`], e.clientX, e.clientY);
   });
   svg.addEventListener('pointerup', (e) => {
     if (dragging !== plot || from === null) {

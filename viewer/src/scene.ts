@@ -3,10 +3,11 @@
 
 import { Color, ColorManagement, LinearSRGBColorSpace, Mesh, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from 'three';
 import { Box } from './box';
-import { type FramesData, floats, type LineData, type MeshData, type SceneData, unpacked, type Vec } from './data';
+import { type FramesData, type LineData, type MeshData, type SceneData, unpacked, type Vec } from './data';
 import { Line } from './lines';
 import { surfaceMaterial } from './materials';
 import { fixed, shown } from './numbers';
+import { floats } from './packed';
 import { Moving, type Surface, surfaceOf } from './surface';
 import { steer, View } from './view';
 

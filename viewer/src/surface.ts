@@ -3,7 +3,8 @@
 // drawn picture (src/report/scene.cpp).
 
 import { BufferAttribute, BufferGeometry, Color } from 'three';
-import { floats, type MeshData, type SceneData, smalls, unpacked, wholes } from './data';
+import { type MeshData, type SceneData, unpacked } from './data';
+import { floats, smalls, wholes } from './packed';
 
 export interface Surface {
   geometry: BufferGeometry;

@@ -42,7 +42,8 @@ const pages = {
   correct: [`correct ${square}/program.ngc --job ${square}/job.toml -o {page}.ngc --report {page} --json`, true],
   watch: ['watch {record} --machine hexapod-strut --report {page} --json', true],
   machine: ['report hexapod-strut --resolution 8 --rel-tol 0.1 -o {page}', true],
-  study: ['study {study} --report {page}', true],
+  study: ['study {study} --report {page}', false],
+  calibrate: ['calibrate hexapod-strut {measured} -o {page}.toml --residuals {page}.csv --report {page}', false],
   map: ['map lola50 --at 0 --x -600,600 --y -1600,-1000 --resolution 5 -o {page}', false],
 };
 
@@ -64,6 +65,12 @@ if (option('--only') === undefined || option('--only') === 'study') {
   writeFileSync(`${study}.toml`, `machine = "hexapod-strut"\nresolution = 8\nevaluations = 12\n[[vary]]\nkey = "base.radius_mm"\nvalues = [40, 50, 60]\n` +
     `[[vary]]\nkey = "platform.radius_mm"\nvalues = [10, 25]\n${goal('footprint_mm2')}${goal('tolerance_mm')}`);
   spawnSync(program, ['optimize', `${study}.toml`, '-o', study], { cwd: root });
+}
+
+/** Points that a tracker would have measured. */
+const measured = join(out, 'measured.csv');
+if (option('--only') === undefined || option('--only') === 'calibrate') {
+  spawnSync(program, ['simulate', 'measurement', 'hexapod-strut', '--kind', 'points', '--count', '60', '--truth', `${measured}.toml`, '-o', measured], { cwd: root });
 }
 
 const problems = [];
@@ -115,6 +122,8 @@ async function step(name, act) {
     clearTimeout(timer);
   }
 }
+/** What stands beside the pointer, with hyphens that `Number` takes. */
+const told = async (page) => (await page.locator('#tip').innerText()).replaceAll('\u2212', '-').split('\n');
 async function turned(page, act) {
   const before = await pixels(page);
   await act();
@@ -217,14 +226,49 @@ async function posesAreThoseOfTheProgram(name, machine, file) {
   await context.close();
 }
 
+/**
+ * The scene stands where its data say. The machine at its start is in them twice, as floats and in steps of the box; of
+ * the surfaces the ends along each axis are read here in another way than the page's own.
+ */
+async function sceneStandsWhereItIs(name, file) {
+  const { context, page } = await open(file);
+  await page.waitForSelector('figure.scene.live', { timeout: 20000 });
+  const found = await page.evaluate(() => {
+    const scene = JSON.parse(document.querySelector('script.scene-data').textContent), shown = globalThis.polypodScenes[0];
+    const view = (text) => new DataView(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
+    const machine = scene.lines.map((line, k) => ({ line, points: [...shown.lines[k].points] })).filter(({ line }) => line.moves).map(({ line, points }) => {
+      const given = view(line.points);
+      return { name: line.name, off: Math.max(...points.map((x, i) => Math.abs(x - given.getFloat32(4 * i, true))).filter(Number.isFinite)), count: points.length };
+    });
+    const steps = [0, 1, 2].map((k) => (scene.high[k] - scene.low[k]) / 65534);
+    const ends = (numbers) => [0, 1, 2].map((k) => {
+      const along = numbers.filter((_, i) => i % 3 === k);
+      return [along.reduce((a, b) => Math.min(a, b), Infinity), along.reduce((a, b) => Math.max(a, b), -Infinity)];
+    });
+    const meshes = scene.meshes.map((mesh, m) => {
+      const data = view(mesh.points.data), triangles = view(mesh.triangles), numbers = [];
+      for (let i = 0; i < triangles.byteLength / 4; ++i)
+        for (let k = 0; k < 3; ++k) numbers.push(scene.low[k] + steps[k] * data.getUint16(2 * (3 * triangles.getUint32(4 * i, true) + k), true));
+      return [ends(numbers), ends([...shown.surfaces[m].mesh.geometry.getAttribute('position').array])];
+    });
+    return { machine, meshes, step: Math.max(...steps) };
+  });
+  for (const { name: part, off, count } of found.machine) check(name, off <= found.step && count > 0, `${part} of the machine stands ${off} beside where it is; a step is ${found.step}`);
+  for (const [own, drawn] of found.meshes) check(name, own.flat().every((x, i) => Math.abs(x - drawn.flat()[i]) <= found.step), `a surface goes from ${drawn}, its data say ${own}`);
+  check(name, found.machine.length > 0 && found.meshes.length > 0, `there are ${found.machine.length} parts of the machine and ${found.meshes.length} surfaces`);
+  await context.close();
+}
+
 /** The pointer on a curve reads the figures of the command's own table; the figure and a table are saved with them. */
 async function curvesHoldTheFigures(name, file) {
   const [head, ...rows] = readFileSync(`${file}.csv`, 'utf8').trim().split('\n').map((line) => line.split(','));
   const column = (title) => rows.map((row) => Number(row[head.indexOf(title)]));
   const time = column('t_s'), speed = column('q1_deg_per_s');
   const { context, page, seen } = await open(file, { acceptDownloads: true });
+  await page.waitForSelector('figure.scene.live', { timeout: 20000 }); // it moves what is below it
   const svg = page.locator('.wide svg[aria-label^="speed of the drives"]');
   await svg.scrollIntoViewIfNeeded();
+  await settle(page);
   const box = await svg.boundingBox();
   const [low, high, left, right] = (await svg.getAttribute('data-x')).split(' ').map(Number);
   const width = await svg.evaluate((e) => e.viewBox.baseVal.width);
@@ -232,11 +276,11 @@ async function curvesHoldTheFigures(name, file) {
   for (const k of [40, 111, 250, 333]) {
     const x = left + ((time[k] - low) / (high - low)) * (right - left);
     await page.mouse.move(box.x + (x * box.width) / width, box.y + box.height / 2);
-    const told = await page.locator('#tip').innerText();
-    const value = Number(/drive 1: ([-+.0-9e]+)/.exec(told)?.[1]);
+    const rows = await told(page);
+    const value = Number(/drive 1: ([-+.0-9e]+)/.exec(rows.join('\n'))?.[1]);
     // The pointer stands between two samples: one of them is read.
     const near = [k - 1, k, k + 1].map((i) => Math.abs(value - speed[i]) / Math.max(1, Math.abs(speed[i])));
-    check(name, Math.min(...near) < 1e-5, `at ${time[k]} s the pointer reads ${told.replaceAll('\n', ', ')}; the table says ${speed[k]}`);
+    check(name, Math.min(...near) < 1e-5, `at ${time[k]} s the pointer reads ${rows.join(', ')}; the table says ${speed[k]}`);
     ++compared;
   }
   check(name, compared === 4, 'no curve is read');
@@ -262,8 +306,10 @@ async function stretches(name, file) {
   const column = (title) => rows.map((row) => Number(row[head.indexOf(title)]));
   const time = column('t_s'), speed = column('q1_deg_per_s');
   const { context, page, seen } = await open(file);
+  await page.waitForSelector('figure.scene.live', { timeout: 20000 }); // it moves what is below it
   const svg = page.locator('.wide svg[aria-label^="speed of the drives"]');
   await svg.scrollIntoViewIfNeeded();
+  await settle(page);
   const box = await svg.boundingBox();
   const [low, high, left, right] = (await svg.getAttribute('data-x')).split(' ').map(Number);
   const width = await svg.evaluate((e) => e.viewBox.baseVal.width);
@@ -274,12 +320,12 @@ async function stretches(name, file) {
   await page.mouse.move(place(200), box.y + box.height / 2);
   await page.mouse.move(place(b), box.y + box.height / 2);
   await page.mouse.up();
-  const told = await page.locator('figure', { has: svg }).locator('p.stretch').innerText();
-  const [least, greatest] = (/drive 1: ([-+.0-9e]+) to ([-+.0-9e]+)/.exec(told) ?? []).slice(1).map(Number);
+  const words = (await page.locator('figure', { has: svg }).locator('p.stretch').innerText()).replaceAll('\u2212', '-');
+  const [least, greatest] = (/drive 1: ([-+.0-9e]+) to ([-+.0-9e]+)/.exec(words) ?? []).slice(1).map(Number);
   const inside = speed.slice(a + 2, b - 1), wide = speed.slice(a - 2, b + 3);
   const last = 1e-4 * Math.max(...speed.map(Math.abs)); // five digits are told
-  check(name, least <= Math.min(...inside) + last && least >= Math.min(...wide) - last, `least ${least}, the table says ${Math.min(...inside)}: ${told}`);
-  check(name, greatest >= Math.max(...inside) - last && greatest <= Math.max(...wide) + last, `greatest ${greatest}, the table says ${Math.max(...inside)}: ${told}`);
+  check(name, least <= Math.min(...inside) + last && least >= Math.min(...wide) - last, `least ${least}, the table says ${Math.min(...inside)}: ${words}`);
+  check(name, greatest >= Math.max(...inside) - last && greatest <= Math.max(...wide) + last, `greatest ${greatest}, the table says ${Math.max(...inside)}: ${words}`);
   check(name, (await page.locator('.wide rect.stretch').count()) > 2, 'the stretch does not show in the other curves');
   await page.keyboard.press('Escape');
   check(name, (await page.locator('.stretch').count()) === 0, 'Escape leaves the stretch');
@@ -293,28 +339,102 @@ async function mapsHoldTheirValues(name, file) {
     const { context, page, seen } = await open(file, { viewport: { width, height: 900 } });
     const svg = page.locator('svg[data-plot=map]:visible').first();
     await svg.scrollIntoViewIfNeeded();
-    // A point of the grid with a value, by a reading of the attributes that is not the page's own.
-    const at = await svg.evaluate((e) => {
+    // Points of the grid with a value, and where they are, by a reading of the attributes that is not the page's own.
+    const grid = await svg.evaluate((e) => {
       const from = e.closest('.narrow') ? e.closest('figure').querySelector('.wide svg') : e;
       const [columns, rows, x0, x1, y0, y1] = from.dataset.grid.split(' ').map(Number);
       const values = new Float32Array(Uint8Array.from(atob(from.dataset.f), (c) => c.charCodeAt(0)).buffer);
-      const n = values.findIndex((v, k) => Number.isFinite(v) && k > values.length / 2);
       const X = e.dataset.x.split(' ').map(Number), Y = e.dataset.y.split(' ').map(Number);
-      const x = x0 + ((n % columns) / (columns - 1)) * (x1 - x0), y = y0 + (Math.floor(n / columns) / (rows - 1)) * (y1 - y0);
       const box = e.getBoundingClientRect(), scale = box.width / e.viewBox.baseVal.width;
-      const px = X[2] + ((x - X[0]) / (X[1] - X[0])) * (X[3] - X[2]), py = Y[2] + ((y - Y[0]) / (Y[1] - Y[0])) * (Y[3] - Y[2]);
-      return { x: box.left + px * scale, y: box.top + py * scale, value: values[n], count: values.filter(Number.isFinite).length };
+      const points = [...values].map((value, n) => {
+        const x = x0 + ((n % columns) / (columns - 1)) * (x1 - x0), y = y0 + (Math.floor(n / columns) / (rows - 1)) * (y1 - y0);
+        const px = X[2] + ((x - X[0]) / (X[1] - X[0])) * (X[3] - X[2]), py = Y[2] + ((y - Y[0]) / (Y[1] - Y[0])) * (Y[3] - Y[2]);
+        return { x: box.left + px * scale, y: box.top + py * scale, value };
+      });
+      return { columns, rows, points, count: values.filter(Number.isFinite).length };
     });
-    await page.mouse.move(at.x, at.y);
-    const told = (await page.locator('#tip').innerText()).split('\n');
-    const read = told.map((row) => Number(/: ([-+.0-9e]+)/.exec(row)?.[1]));
-    check(name, read.some((v) => Math.abs(v - at.value) <= 1e-4 * Math.abs(at.value)), `at ${width} px the pointer reads ${told.join(', ')} where ${at.value} is`);
+    // Not at a border, so that there is a cell on each side.
+    const inner = (n) => n % grid.columns > 0 && n % grid.columns < grid.columns - 1 && n >= grid.columns && n < grid.columns * (grid.rows - 1);
+    const n = grid.points.findIndex((p, k) => Number.isFinite(p.value) && k > grid.points.length / 2 && inner(k));
+    const at = grid.points[n], across = grid.points[n + 1].x - at.x, up = grid.points[n + grid.columns].y - at.y;
+    // On the point itself, and 0.3 of a cell to each side of it, where another rounding reads a neighbour.
+    for (const [i, j] of [[0, 0], [0.3, 0.3], [-0.3, 0.3], [0.3, -0.3], [-0.3, -0.3]]) {
+      await page.mouse.move(at.x + i * across, at.y + j * up);
+      const rows = await told(page);
+      const read = rows.slice(2).map((row) => Number(/: ([-+.0-9e]+)/.exec(row)?.[1])); // below the place
+      check(name, read.some((v) => Math.abs(v - at.value) <= 1e-4 * Math.abs(at.value)), `at ${width} px, ${i}, ${j} of a cell beside it, the pointer reads ${rows.join(', ')} where ${at.value} is`);
+    }
     if (width === 1200) {
       const waiting = page.waitForEvent('download');
       await svg.locator('xpath=following-sibling::*[1]').locator('button', { hasText: 'CSV' }).click();
       const rows = readFileSync(await (await waiting).path(), 'utf8').trim().split('\n');
-      check(name, rows.length === at.count + 1, `its table has ${rows.length - 1} rows for ${at.count} values`);
+      check(name, rows.length === grid.count + 1, `its table has ${rows.length - 1} rows for ${grid.count} values`);
     }
+    check(name, seen.messages.length === 0, `the console says: ${seen.messages.join(' | ')}`);
+    await context.close();
+  }
+}
+
+/** Where a value of a plot is on the screen, by a reading of its scales that is not the page's own. */
+const placeIn = (svg, x, y) => svg.evaluate((e, [vx, vy]) => {
+  const px = (scale, v) => { const [a, b, p, q] = scale.split(' ').map(Number); return p + ((v - a) / (b - a)) * (q - p); };
+  const box = e.getBoundingClientRect(), scale = box.width / e.viewBox.baseVal.width;
+  return { x: box.left + px(e.dataset.x, vx) * scale, y: box.top + px(e.dataset.y, vy) * scale };
+}, [x, y]);
+const near6 = (a, b) => Math.abs(a - b) <= 6e-6 * Math.abs(b); // six digits are told
+
+/** Dots over the figures of the command's own table: those of a row are read together, saved and selected. */
+async function dotsHoldTheFigures(name, file) {
+  const [head, ...rows] = readFileSync(`${file}.csv`, 'utf8').trim().split('\n').map((line) => line.split(','));
+  const of = (k, title) => Number(rows[k][head.indexOf(title)]), close = (a, b) => Math.abs(a - b) <= 5.1e-4 * Math.abs(b); // the table has four digits
+  const after = (k) => (of(k, 'validation') === 1 ? 'after, validation set' : 'after');
+  const { context, page, seen } = await open(file, { acceptDownloads: true });
+  const svg = page.locator('.wide svg', { has: page.locator('path[data-dots="before"]') }).first(), figure = page.locator('figure', { has: svg });
+  await svg.scrollIntoViewIfNeeded();
+  for (const k of [0, 4, 17, rows.length - 1]) {
+    // On each of the two dots of a row, and beside one: both are told.
+    for (const [side, title] of [[0, 'before_um'], [0, 'after_um'], [0.3, 'after_um']]) {
+      const at = await placeIn(svg, k + 1 + side, of(k, title));
+      await page.mouse.move(at.x, at.y);
+      const lines = await told(page);
+      const value = (series) => Number(lines.find((line) => line.startsWith(`${series}: `))?.match(/: ([-+.0-9e]+) \S+$/)?.[1]);
+      check(name, close(value('before'), of(k, 'before_um')) && close(value(after(k)), of(k, 'after_um')) && Number(lines[0].split(': ')[1]) === k + 1,
+        `at row ${k + 1} the pointer reads ${lines.join(', ')}; the table says ${of(k, 'before_um')} and ${of(k, 'after_um')}`);
+    }
+  }
+  const waiting = page.waitForEvent('download');
+  await figure.locator('.tools button', { hasText: 'CSV' }).first().click();
+  const saved = readFileSync(await (await waiting).path(), 'utf8').trim().split('\n');
+  check(name, saved.length === 2 * rows.length + 1, `its table has ${saved.length - 1} rows for ${2 * rows.length} dots`);
+  check(name, saved.some((line) => line.startsWith('"after",18,') && close(Number(line.split(',')[2]), of(17, 'after_um'))), 'row 18 is not in its table');
+  const [a, b] = [await placeIn(svg, 10.5, 0), await placeIn(svg, 20.5, 0)], height = (await svg.boundingBox()).y + 80;
+  await page.mouse.move(a.x, height);
+  await page.mouse.down();
+  await page.mouse.move((a.x + b.x) / 2, height);
+  await page.mouse.move(b.x, height);
+  await page.mouse.up();
+  const words = await figure.locator('p.stretch').innerText();
+  const ends = (/before: ([-+.0-9e]+) to ([-+.0-9e]+)/.exec(words) ?? []).slice(1).map(Number);
+  const inside = Array.from({ length: 10 }, (_, i) => of(10 + i, 'before_um'));
+  check(name, close(ends[0], Math.min(...inside)) && close(ends[1], Math.max(...inside)), `of rows 11 to 20 it says ${words}`);
+  check(name, seen.messages.length === 0, `the console says: ${seen.messages.join(' | ')}`);
+  await context.close();
+}
+
+/** Dots that are scattered: the pointer reads the one that it is on, to the digits of the command's JSON. */
+async function scatteredDotsAreRead(name, file) {
+  const { front, start, listed } = JSON.parse(spawnSync(program, ['study', study, '--json'], { cwd: root, encoding: 'utf8' }).stdout);
+  for (const width of [1200, 390]) {
+    const { context, page, seen } = await open(file, { viewport: { width, height: 900 } });
+    const svg = page.locator('svg:visible', { has: page.locator('path[data-dots="front"]') }).first();
+    await svg.scrollIntoViewIfNeeded();
+    for (const [series, row] of [...front.map((f) => ['front', f]), ['start', start], ['tried', start]]) {
+      const { footprint_mm2: x, tolerance_mm: y } = row.values, at = await placeIn(svg, x, y);
+      await page.mouse.move(at.x, at.y);
+      const lines = await told(page);
+      check(name, near6(Number(new RegExp(`^${series}: ([-+.0-9e]+)$`, 'm').exec(lines.join('\n'))?.[1]), y), `at ${width} px the pointer reads ${lines.join(', ')} where ${series} is ${x}, ${y}`);
+    }
+    check(name, front.length > 1 && listed.length > front.length, 'the study has no front');
     check(name, seen.messages.length === 0, `the console says: ${seen.messages.join(' | ')}`);
     await context.close();
   }
@@ -326,20 +446,24 @@ async function linesTellTheirValues(name, file) {
     const { context, page, seen } = await open(file, { viewport: { width, height: 900 } });
     const svg = page.locator('svg[data-plot=parallel]:visible').first();
     await svg.scrollIntoViewIfNeeded();
-    // The best machine, by a reading of the attributes that is not the page's own: where it crosses its second axis.
+    // A line by a reading of the attributes that is not the page's own, between its first two axes: at an axis lines may meet.
     const at = await svg.evaluate((e) => {
       const from = e.closest('.narrow') ? e.closest('figure').querySelector('.wide svg') : e;
       const path = [...from.querySelectorAll('path[data-group]')].at(-1), names = e.dataset.names.split('|');
       const values = new Float32Array(Uint8Array.from(atob(path.dataset.f), (c) => c.charCodeAt(0)).buffer).slice(0, names.length);
-      const [place, a, b, p, q] = e.dataset.axes.split(';')[1].split(' ').map(Number);
-      const off = p + ((values[1] - a) / (b - a)) * (q - p), box = e.getBoundingClientRect(), scale = box.width / e.viewBox.baseVal.width;
-      const [x, y] = e.dataset.across === undefined ? [place, off] : [off, place];
-      return { x: box.left + x * scale, y: box.top + y * scale, names, values: [...values], lines: e.querySelectorAll('path').length };
+      const crossed = e.dataset.axes.split(';').slice(0, 2).map((axis, k) => {
+        const [place, a, b, p, q] = axis.split(' ').map(Number);
+        return [place, p + ((values[k] - a) / (b - a)) * (q - p)];
+      });
+      const t = 0.3, [along, off] = [0, 1].map((c) => crossed[0][c] + t * (crossed[1][c] - crossed[0][c]));
+      const box = e.getBoundingClientRect(), scale = box.width / e.viewBox.baseVal.width;
+      const [x, y] = e.dataset.across === undefined ? [along, off] : [off, along];
+      return { x: box.left + x * scale, y: box.top + y * scale, names, values: [...values] };
     });
     await page.mouse.move(at.x, at.y);
-    const told = (await page.locator('#tip').innerText()).split('\n').slice(1);
-    check(name, told.length === at.names.length && told.every((row, k) => row.startsWith(`${at.names[k]}: `) && Math.abs(Number(row.split(': ').at(-1)) - at.values[k]) <= 1e-4 * Math.abs(at.values[k])),
-      `at ${width} px the pointer reads ${told.join(', ')} where ${at.values} are`);
+    const lines = (await told(page)).slice(1);
+    check(name, lines.length === at.names.length && lines.every((row, k) => row.startsWith(`${at.names[k]}: `) && Math.abs(Number(row.split(': ').at(-1)) - at.values[k]) <= 1e-4 * Math.abs(at.values[k])),
+      `at ${width} px the pointer reads ${lines.join(', ')} where ${at.values} are`);
     check(name, seen.messages.length === 0, `the console says: ${seen.messages.join(' | ')}`);
     await context.close();
   }
@@ -668,7 +792,7 @@ try {
   for (const [name, [command, hasScene]] of Object.entries(pages)) {
     if (option('--only') !== undefined && option('--only') !== name) continue;
     const file = join(out, `${name}.html`);
-    const done = spawnSync(program, command.split(' ').map((word) => word.replaceAll('{page}', file).replace('{record}', record).replace('{study}', study)), { cwd: root, encoding: 'utf8', timeout: kPatience });
+    const done = spawnSync(program, command.split(' ').map((word) => word.replaceAll('{measured}', measured).replaceAll('{page}', file).replace('{record}', record).replace('{study}', study)), { cwd: root, encoding: 'utf8', timeout: kPatience });
     check(name, existsSync(file), `no page: ${done.stderr}`);
     if (!existsSync(file)) continue;
     check(name, statSync(file).size < 2e6, `it has ${statSync(file).size} bytes`);
@@ -676,6 +800,8 @@ try {
     if (name === 'pick') await step(`${name}: curves`, () => curvesHoldTheFigures(name, file));
     if (name === 'pick') await step(`${name}: stretch`, () => stretches(name, file));
     if (name === 'dexterity') await step(`${name}: maps`, () => mapsHoldTheirValues(name, file));
+    if (name === 'calibrate') await step(`${name}: dots`, () => dotsHoldTheFigures(name, file));
+    if (name === 'study') await step(`${name}: dots`, () => scatteredDotsAreRead(name, file));
     if (name === 'study') await step(`${name}: parallel coordinates`, () => linesTellTheirValues(name, file));
     if (name === 'correct') await step(`${name}: lines`, () => linesArePicked(name, file));
     const along = 'along the moves that cut, mm';
@@ -711,6 +837,7 @@ try {
     }
     if (name === 'workspace') {
       await step(`${name}: without WebGL`, () => withoutWebGl(name, file));
+      await step(`${name}: places`, () => sceneStandsWhereItIs(name, file));
       await step(`${name}: poses`, () => posesAreThoseOfTheProgram(name, 'hexapod-strut', file));
       await step(`${name}: policy`, () => seesFaults(file));
     }
