@@ -402,9 +402,8 @@ async function dotsHoldTheFigures(name, file) {
         `at row ${k + 1} the pointer reads ${lines.join(', ')}; the table says ${of(k, 'before_um')} and ${of(k, 'after_um')}`);
     }
   }
-  const waiting = page.waitForEvent('download');
-  await figure.locator('.tools button', { hasText: 'CSV' }).first().click();
-  const saved = readFileSync(await (await waiting).path(), 'utf8').trim().split('\n');
+  const [download] = await Promise.all([page.waitForEvent('download'), figure.locator('.tools button', { hasText: 'CSV' }).first().click()]);
+  const saved = readFileSync(await download.path(), 'utf8').trim().split('\n');
   check(name, saved.length === 2 * rows.length + 1, `its table has ${saved.length - 1} rows for ${2 * rows.length} dots`);
   check(name, saved.some((line) => line.startsWith('"after",18,') && close(Number(line.split(',')[2]), of(17, 'after_um'))), 'row 18 is not in its table');
   const [a, b] = [await placeIn(svg, 10.5, 0), await placeIn(svg, 20.5, 0)], height = (await svg.boundingBox()).y + 80;
