@@ -536,6 +536,7 @@ async function plays(name, file, title, hasLines) {
   const wanted = Math.floor(frames.at.length / 2) + valuesOf.slice(Math.floor(frames.at.length / 2)).findIndex((v) => v !== null);
   const xOf = (v) => left + ((v - low) / (high - low)) * (right - left);
   await svg.scrollIntoViewIfNeeded();
+  await settle(page); // figures that come into sight move it
   const box = await svg.boundingBox();
   const width = await svg.evaluate((e) => e.viewBox.baseVal.width);
   await page.mouse.click(box.x + (xOf(valuesOf[wanted]) * box.width) / width, box.y + box.height / 2);
