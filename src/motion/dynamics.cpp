@@ -410,6 +410,7 @@ std::vector<double> of_all_drives(const std::vector<Dynamics>& own, std::span<co
 
 /// Takes the masses of the stages' own files where the table of the whole has none of stages.
 void take(std::vector<Dynamics> own, std::span<const AnyMachine> stages, Dynamics& out) {
+  if (own.empty()) return;
   if (!out.stages.empty()) {
     for (std::size_t k = 0; k < own.size(); ++k)
       if (!own[k].parts_with_mass().empty()) out.not_read.push_back(static_cast<int>(k + 1));
