@@ -231,10 +231,12 @@ class MachineReportPage {
     figures_.error = bounded ? worst : std::numeric_limits<double>::infinity();
     figures_.condition = condition < 1 / quality::kRankLost ? condition : std::numeric_limits<double>::infinity();
     const std::string of = fmt::format("{} {}", options_.question.tolerances ? "tolerances" : "errors", given());
-    figures.push_back({bounded ? number(to_mm(worst)) : "∞", "mm",
-                       fmt::format("{} of the tip, with the {}{}", bounded ? "largest error that was seen" : "errors",
-                                   of, options_.assumed ? " (assumed)" : ""),
-                       bounded ? Verdict::neutral : Verdict::bad});
+    figures.push_back(
+        {bounded ? number(to_mm(worst)) : "∞", "mm",
+         fmt::format("{}, with the {}{}",
+                     bounded ? "largest error of the tip that was seen" : "errors of the tip have no bound", of,
+                     options_.assumed ? " (assumed)" : ""),
+         bounded ? Verdict::neutral : Verdict::bad});
     figures.push_back({std::isfinite(figures_.condition) ? number(condition) : "∞", "",
                        "largest condition number κ that was seen", Verdict::neutral});
   }

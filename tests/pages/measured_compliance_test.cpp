@@ -245,7 +245,8 @@ TEST(MapPage, ShowsMeasuredComputedAndDifferenceSideBySide) {
   const std::string html = compliance_map_page(map);
   EXPECT_EQ(report::what_is_wrong(html), "");
   EXPECT_EQ(html, compliance_map_page(map));
-  for (const char* bad : {" nan", ">nan", "n/a"}) EXPECT_THAT(html, Not(HasSubstr(bad)));
+  const std::string words = html.substr(0, html.find("<script>"));
+  for (const char* bad : {" nan", ">nan", "n/a"}) EXPECT_THAT(words, Not(HasSubstr(bad)));
   EXPECT_THAT(html, HasSubstr(report::escape(measured_verdict(map, false))));
   EXPECT_THAT(html, HasSubstr("<dd>displacements_plane_V.csv</dd>"));
   std::size_t at = 0;
