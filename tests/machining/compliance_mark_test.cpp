@@ -117,7 +117,7 @@ TEST(ComplianceMark, AClosedInverseOfPointAndAxisKeepsThePosture) {
   }
 }
 
-// Every posture of an arm has a name; machines whose inverse is a search have none.
+// Each posture of an arm by its name, those beyond the limits too.
 TEST(Posture, AllOfAMachine) {
   const std::vector<std::string> of_arm = kinematics::all_postures(*machine::load("lola50", {}));
   EXPECT_EQ(of_arm.size(), 8U);
@@ -125,7 +125,6 @@ TEST(Posture, AllOfAMachine) {
     EXPECT_NE(std::find_if(of_arm.begin(), of_arm.end(), [&](const std::string& s) { return s.starts_with(name); }),
               of_arm.end())
         << name;
-  EXPECT_TRUE(kinematics::all_postures(*machine::load("tricept-wrist", {})).empty());
 }
 
 }  // namespace
