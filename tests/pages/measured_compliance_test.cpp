@@ -251,8 +251,8 @@ TEST(MapPage, ShowsMeasuredComputedAndDifferenceSideBySide) {
   EXPECT_THAT(html, HasSubstr("<dd>displacements_plane_V.csv</dd>"));
   std::size_t at = 0;
   for (const char* part :
-       {"Deflection per newton</h2>", "The joints explain", "Measured against computed</h2>", ">Cxx measured<", ">Cxx computed<",
-        ">Cxx measured − computed<", ">Cyz measured − computed<", "Direct compliances</h2>",
+       {"Deflection per newton</h2>", "The joints explain", "Measured against computed</h2>", ">Cxx measured<",
+        ">Cxx computed<", ">Cxx measured − computed<", ">Cyz measured − computed<", "Direct compliances</h2>",
         "The determinant of the Jacobian</h2>", "Contribution of each joint"}) {
     const std::size_t found = html.find(part, at);
     ASSERT_NE(found, std::string::npos) << part;
