@@ -90,6 +90,8 @@ Result<int> of_machine(const Options& o, const Context& context) {
   page.question.sizes = std::move(sizes);
   POLYPOD_ASSIGN(survey, o.where.options(m, context));
   page.survey = std::move(survey);
+  constexpr int kLeast = 8;  // of a section
+  if (context.given("--resolution")) page.resolution = page.resolution_in_space = std::max(kLeast, o.where.resolution);
   page.noise_position = units::from_um(o.noise_um);
   page.version = POLYPOD_VERSION;
   page.command = command_line();

@@ -282,8 +282,7 @@ class MachineReportPage {
     page.given = options_.given;
     page.assumed = options_.assumed;
     page.resolution = options_.resolution;
-    constexpr int kInSpace = 28;
-    page.resolution_in_space = kInSpace;
+    page.resolution_in_space = options_.resolution_in_space;
     said("errors", 0);
     POLYPOD_ASSIGN(
         inputs,

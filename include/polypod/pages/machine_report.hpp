@@ -23,6 +23,7 @@ struct MachineReportOptions {
   std::vector<std::string> given;  ///< these as the user wrote them
   bool assumed = false;            ///< nobody gave them
   int resolution = 48;             ///< points along the longer side of a section, 8 to 512
+  int resolution_in_space = 28;    ///< points along the longest side for pictures of errors in space, 8 to 512
   double noise_position = 20e-6;   ///< m, standard deviation of a coordinate that is measured for a calibration
   std::function<void(const char*, double)> progress;  ///< what is being done, and its share
 };
