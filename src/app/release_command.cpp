@@ -197,9 +197,11 @@ void print_release(const AnyMachine& m, const Simulation& run, const std::string
                figure(shown(m, joint, r.high), 3), figure(shown(m, joint, r.speed), 1),
                figure(shown(m, joint, r.acceleration), 0), unit_of(m, joint));
   }
+  // What is below the error of the integration, or of rounding, is 0.
+  const double height = first.energy.potential - last.energy.potential, least = std::max(run.drift, 1e-12);
+  const auto joule = [&](double energy) { return figure(std::abs(energy) < least ? 0.0 : energy, 3); };
   fmt::print("energy   kinetic {} J at the end; height gave {} J, drives less viscous friction {} J\n",
-             figure(last.energy.kinetic, 3), figure(first.energy.potential - last.energy.potential, 3),
-             figure(last.work, 3));
+             joule(last.energy.kinetic), joule(height), joule(last.work));
   fmt::print("         they balance within {:.1g} J, the error of the integration\n", run.drift);
   for (const motion::LimitPassed& p : run.passed) fmt::print("problem  after {:.4g} s: {}\n", p.t, p.limit);
   if (!run.stopped.empty()) fmt::print("stopped  {}\n", run.stopped);
