@@ -28,14 +28,18 @@ std::string in_words(const motion::Dynamics& d) {
                                  ? ""
                                  : fmt::format("; [[dynamics.stage]] stands for the masses in the file of stage {}",
                                                fmt::join(d.not_read, ", "));
-  return fmt::format("gravity {}{}; mass has: {}; other parts weigh nothing{}{}", g,
+  const std::string left_out = d.left_out.empty()
+                                   ? ""
+                                   : fmt::format("; left out, because the whole or the next stage stands for it: {}",
+                                                 fmt::join(d.left_out, ", "));
+  return fmt::format("gravity {}{}; mass has: {}; other parts weigh nothing{}{}{}", g,
                      d.gravity_given ? "" : ", assumed from how the machine stands (gravity_m_per_s2)",
                      fmt::join(d.parts_with_mass(), ", "),
                      odd.empty() ? ""
                                  : fmt::format("; the inertia of {} is taken as it is, though one of its principal "
                                                "moments is larger than the sum of the others, which no rigid body has",
                                                fmt::join(odd, ", ")),
-                     unread);
+                     unread, left_out);
 }
 
 void MassesOptions::declare(Arguments& a) {

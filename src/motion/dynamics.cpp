@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <numbers>
 #include <span>
+#include <tuple>
 
 #include "../families/all_masses.hpp"
 #include "polypod/core/files.hpp"
@@ -372,7 +373,7 @@ Result<std::optional<OpenTable>> dynamics_table(const std::string& path) {
 
 namespace {
 /// What the files of the stages say of their own masses, one a stage; empty where none has any, or where the file is no
-/// machine file. What a stage carries is the next one: the payload of all but the last is left out.
+/// machine file.
 Result<std::vector<Dynamics>> own_masses(const std::string& path, std::span<const AnyMachine> stages) {
   std::vector<Dynamics> out(stages.size());
   std::error_code ec;
@@ -388,7 +389,6 @@ Result<std::vector<Dynamics>> own_masses(const std::string& path, std::span<cons
     if (!table) continue;
     POLYPOD_ASSIGN(read, dynamics_from(*table, stages[k]));
     out[k] = std::move(read);
-    if (k + 1 < stages.size()) out[k].payload.reset();
     any = true;
   }
   return any ? out : std::vector<Dynamics>{};
@@ -418,14 +418,22 @@ void take(std::vector<Dynamics> own, std::span<const AnyMachine> stages, Dynamic
   }
   for (const auto numbers : {&Dynamics::drive, &Dynamics::friction, &Dynamics::viscous})
     if ((out.*numbers).empty()) out.*numbers = of_all_drives(own, stages, numbers);
-  for (Dynamics& stage : own) {
+  for (std::size_t k = 0; k < own.size(); ++k) {
+    Dynamics& stage = own[k];
     stage.drive.clear();
     stage.friction.clear();
     stage.viscous.clear();
+    const auto leave_out = [&](const char* what) { out.left_out.push_back(fmt::format("stage {} {}", k + 1, what)); };
+    if (stage.gravity_given && stage.gravity != out.gravity) leave_out("gravity");
+    // What a stage carries is the next one, or what the whole carries.
+    const bool last = k + 1 == own.size();
+    for (const auto& [body, of_whole, name] : {std::tuple{&stage.payload, !last || out.payload, "payload"},
+                                               std::tuple{&stage.platform, last && out.platform, "platform"}}) {
+      if (!of_whole || !*body) continue;
+      leave_out(name);
+      body->reset();
+    }
   }
-  // What the whole carries stands for what its last stage carries by itself.
-  if (out.platform) own.back().platform.reset();
-  if (out.payload) own.back().payload.reset();
   out.stages = std::move(own);
   out.of_stages = true;
 }

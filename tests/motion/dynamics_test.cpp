@@ -589,6 +589,8 @@ TEST(Dynamics, StagesBringTheirOwnMasses) {
   const std::string tool =
       written("stages-tool.toml", head + stages(own_first, own_second) + "[dynamics]\nplatform = { mass_kg = 4 }\n");
   EXPECT_LT((forces(tool) - expected).norm(), 1e-12 * expected.norm());
+  EXPECT_EQ((*read_dynamics(tool, *machine::load(tool, {})))->left_out,
+            (std::vector<std::string>{"stage 1 gravity", "stage 1 payload", "stage 2 platform"}));
   // As a table of the whole, which info -o writes.
   const Dynamics of_stages = **read_dynamics(own, *machine::load(own, {}));
   EXPECT_TRUE(of_stages.of_stages);

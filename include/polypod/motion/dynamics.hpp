@@ -40,6 +40,8 @@ struct Dynamics {
   std::vector<double> viscous;   ///< N s/m or Nm s/rad; likewise
   std::vector<Dynamics> stages;  ///< of machines in series: the bodies of each, from the base; none of the rest
   bool of_stages = false;        ///< the masses of the stages are those of their own files
+  /// What of these does not count, because the whole or the next stage stands for it: "stage 1 payload".
+  std::vector<std::string> left_out;
   /// Stages, from 1, whose own files have masses that the table of the whole stands for.
   std::vector<int> not_read;
 
