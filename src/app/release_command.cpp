@@ -197,7 +197,7 @@ void print_release(const AnyMachine& m, const Simulation& run, const std::string
                figure(shown(m, joint, r.high), 3), figure(shown(m, joint, r.speed), 1),
                figure(shown(m, joint, r.acceleration), 0), unit_of(m, joint));
   }
-  // What is below the error of the integration, or of rounding, is 0.
+  // What is below the error of the integration, or of rounding (J), is 0.
   const double height = first.energy.potential - last.energy.potential, least = std::max(run.drift, 1e-12);
   const auto joule = [&](double energy) { return figure(std::abs(energy) < least ? 0.0 : energy, 3); };
   fmt::print("energy   kinetic {} J at the end; height gave {} J, drives less viscous friction {} J\n",

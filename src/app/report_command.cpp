@@ -141,6 +141,7 @@ Result<int> of_machine(const Options& o, const Context& context) {
   for (const pages::ReportPart& part : made.parts)
     if (part.reason.empty()) judged += (judged.empty() ? "" : ", ") + part.name;
   fmt::print("{}: {}\n", output, judged.empty() ? "the machine alone" : judged);
+  if (made.figures.volume[2] == 0) fmt::print("workspace: no point is reached as was asked; this is proven\n");
   for (const pages::ReportPart& part : made.parts)
     if (!part.reason.empty()) fmt::print("not judged, {}: {}\n", part.name, part.reason);
   return kDone;

@@ -299,9 +299,9 @@ void pick_table(const Cell& cell, const Task& task, const JointVector& home, Pic
   }
   if (roughly > 0)
     all.assumed.push_back(
-        fmt::format("{} ({}): {} ways too short for the clearance height and the corner blends take "
-                    "twice the time of a straight one",
-                    m.name, task.name, roughly));
+        fmt::format("{} ({}): {} way{} too short for the clearance height and the corner blends: twice "
+                    "the time of a straight one is taken",
+                    m.name, task.name, roughly, roughly == 1 ? "" : "s"));
 }
 
 /// How far a container leans, rad, at a stand when it was upright at another.

@@ -2,6 +2,7 @@
 #include "polypod/pages/machine_report.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -182,6 +183,7 @@ class MachineReportPage {
     std::vector<report::KeyFigure> figures;
     if (volume_ && volume_->empty) {
       figures.push_back({"0", "", "workspace, proven: no point is reached as was asked", Verdict::bad});
+      figures_.volume = {0, 0, 0};
     } else if (volume_ && (volume_->proven || volume_->reached)) {
       const double error = 50 * (volume_->upper - volume_->lower) / std::max(volume_->volume, 1e-300);
       const auto [size, unit] = task_.places() ? volume_figure(*volume_) : region_figure(task_, *volume_);
@@ -244,11 +246,7 @@ class MachineReportPage {
   void not_judged(const ReportPart& part) {
     report_.add_verdict(Verdict::neutral, fmt::format("Not judged, {}: {}.", part.name, part.reason));
   }
-  [[nodiscard]] std::string given() const {
-    std::string out;
-    for (const std::string& g : options_.given) out += (out.empty() ? "" : ", ") + g;
-    return out;
-  }
+  [[nodiscard]] std::string given() const { return fmt::format("{}", fmt::join(options_.given, ", ")); }
 
   void asked(const Entries& entries) {
     for (const auto& entry : entries)

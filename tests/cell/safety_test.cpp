@@ -63,12 +63,17 @@ TEST(Safety, EveryEntryOfTheTables) {
        {2400, {0, 300, 300, 300, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
        {2500, {0, 100, 100, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
        {2700, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}}}};
-  for (const Column& column : kFences) {
-    for (std::size_t k = 0; k < kHazards.size(); ++k) {
-      SCOPED_TRACE(fmt::format("fence of {} mm, hazard at {} mm", column.guard, kHazards[k]));
-      EXPECT_NEAR(*reach_over_distance(1e-3 * kHazards[k], 1e-3 * column.guard), 1e-3 * column.distances[k], kRounding);
+  const auto each_entry = [](const auto& columns, const std::array<int, 15>& hazards, const auto& check) {
+    for (const Column& column : columns) {
+      for (std::size_t k = 0; k < hazards.size(); ++k) {
+        SCOPED_TRACE(fmt::format("guard of {} mm, hazard at {} mm", column.guard, hazards[k]));
+        check(1e-3 * hazards[k], 1e-3 * column.guard, 1e-3 * column.distances[k]);
+      }
     }
-  }
+  };
+  each_entry(kFences, kHazards, [](double hazard, double guard, double distance) {
+    EXPECT_NEAR(*reach_over_distance(hazard, guard), distance, kRounding);
+  });
   constexpr std::array<int, 15> kBehind{2600, 2500, 2400, 2200, 2000, 1800, 1600, 1400,
                                         1200, 1000, 800,  600,  400,  200,  0};
   constexpr std::array<Column, 12> kCurtains{
@@ -84,14 +89,10 @@ TEST(Safety, EveryEntryOfTheTables) {
        {2200, {0, 150, 250, 250, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
        {2400, {0, 100, 100, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}},
        {2600, {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}}}};
-  for (const Column& column : kCurtains) {
-    for (std::size_t k = 0; k < kBehind.size(); ++k) {
-      SCOPED_TRACE(fmt::format("curtain up to {} mm, hazard at {} mm", column.guard, kBehind[k]));
-      constexpr double kStop = 1;  // s: K is 1.6 m/s, whatever C is
-      const double s = *curtain_over_distance(kStop, 1e-3 * kBehind[k], 1e-3 * column.guard);
-      EXPECT_NEAR(s, column.distances[k] > 0 ? 1.6 * kStop + 1e-3 * column.distances[k] : 0, kRounding);
-    }
-  }
+  each_entry(kCurtains, kBehind, [](double hazard, double guard, double distance) {
+    constexpr double kStop = 1;  // s: K is 1.6 m/s, whatever C is
+    EXPECT_NEAR(*curtain_over_distance(kStop, hazard, guard), distance > 0 ? 1.6 * kStop + distance : 0, kRounding);
+  });
   for (int hazard = 0; hazard <= 2700; hazard += 50) {
     double fence = 1e9, curtain = 1e9;
     for (int guard = 1000; guard <= 2700; guard += 50) {

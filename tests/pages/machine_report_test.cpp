@@ -153,6 +153,7 @@ TEST(MachineReport, OptionsThatDoNotFitAndRegionsOutOfReach) {
   const auto none = machine_report(hexapod, options);
   ASSERT_TRUE(none) << none.error().message;
   EXPECT_THAT(none->html, HasSubstr("workspace, proven: no point is reached as was asked"));
+  EXPECT_EQ(none->figures.volume, (std::array{0.0, 0.0, 0.0})) << "proven, not unknown";
   EXPECT_TRUE(std::isnan(none->figures.error));
 }
 

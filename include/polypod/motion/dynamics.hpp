@@ -59,7 +59,7 @@ struct Dynamics {
 /// links as rows, stages as the machine has).
 Result<std::optional<Dynamics>> read_dynamics(const std::string& path, const AnyMachine& machine);
 
-/// The table `dynamics` as text, which reads back as it is.
+/// The table `dynamics` as text in the units of docs/motion.md (kg, mm, kg m2, N, Nm), which reads back as it is.
 std::string to_toml(const Dynamics& dynamics, std::optional<double> damping_ratio = {});
 
 /// Why the forces of this machine's drives are not computed; empty where they are: families of a user's own (as a
