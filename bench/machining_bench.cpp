@@ -93,10 +93,13 @@ BENCHMARK(predict_short_lines)
 void correct_short_lines(benchmark::State& state) {
   run(state, true);
 }
+// Programs of up to some 90 000 points are looked at a second time, with cells and steps of half the size.
 BENCHMARK(correct_short_lines)
     ->ArgNames({"lines", "slopes"})
     ->Args({20000, 0})
     ->Args({20000, 1})
+    ->Args({100000, 0})
+    ->Args({100000, 1})
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace

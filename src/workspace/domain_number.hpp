@@ -19,6 +19,7 @@ class DomainNumber {
   DomainNumber(const FirstOrder& f, const Domain* domain) : f_(f), domain_(domain) {}
 
   [[nodiscard]] const FirstOrder& first_order() const { return f_; }
+  [[nodiscard]] const Domain* domain() const { return domain_; }
   [[nodiscard]] double radius() const { return domain_ == nullptr ? f_.rest : f_.radius(*domain_); }
 
   friend DomainNumber operator+(const DomainNumber& a, const DomainNumber& b) { return {a.f_ + b.f_, of(a, b)}; }
@@ -118,6 +119,18 @@ struct Tangent {
 template <>
 struct Eigen::NumTraits<polypod::workspace::DomainNumber>
     : polypod::NumberTraits<polypod::workspace::DomainNumber, 8, 8, 24> {};
+
+namespace polypod::workspace {
+
+/// The length of a vector over its domain.
+inline DomainNumber norm(const Eigen::Matrix<DomainNumber, 3, 1>& y) {
+  const std::array<FirstOrder, 3> f{y[0].first_order(), y[1].first_order(), y[2].first_order()};
+  for (int k = 0; k < 3; ++k)
+    if (y[k].domain() != nullptr) return {norm(f, *y[k].domain()), y[k].domain()};
+  return {Vec3(f[0].value, f[1].value, f[2].value).norm()};
+}
+
+}  // namespace polypod::workspace
 template <class T>
 struct Eigen::NumTraits<polypod::workspace::Tangent<T>>
     : polypod::NumberTraits<polypod::workspace::Tangent<T>, 8, 8, 24> {};

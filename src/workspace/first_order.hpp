@@ -121,6 +121,44 @@ inline FirstOrder root(const FirstOrder& f, const Domain& d) {
   return first_order_detail::compose(f, d, at, at > 0 ? 0.5 / at : 0.0, bend, root_low, root_high);
 }
 
+/// The length of a vector that is not 0 in the middle. It is convex, and curves by no more than
+///   |dy|^2 / (2 (|y| - |dy|)),
+/// which the root of a sum of squares would count twice and on both sides.
+inline FirstOrder norm(const std::array<FirstOrder, 3>& y, const Domain& d) {
+  const double length = std::sqrt(y[0].value * y[0].value + y[1].value * y[1].value + y[2].value * y[2].value);
+  double moved2 = 0;
+  for (const FirstOrder& component : y) moved2 += component.radius(d) * component.radius(d);
+  const double moved = std::sqrt(moved2);
+  FirstOrder out(length);
+  if (!(length > moved)) {  // |y| - |dy| <= |y + dy| <= |y| + |dy|
+    out.rest = std::isfinite(moved) ? moved : std::numeric_limits<double>::infinity();
+    return out;
+  }
+  const double curvature = std::min(moved2 / (2 * (length - moved)), 2 * moved);
+  for (const FirstOrder& component : y) {
+    const double share = component.value / length;
+    for (std::size_t k = 0; k < 5; ++k) out.gradient[k] += share * component.gradient[k];
+    out.rest += std::abs(share) * component.rest;
+  }
+  out.value += 0.5 * curvature;
+  out.rest += 0.5 * curvature;
+  return out;
+}
+
+/// What R(s, t) b of a patch is, for a vector b that turns with the tool.
+inline std::array<FirstOrder, 3> turned(const Patch& patch, const Vec3& b) {
+  const Vec3 v = patch.R * b, v1 = patch.omega1.cross(v), v2 = patch.omega2.cross(v);
+  const double bend = patch.bend * b.norm();
+  std::array<FirstOrder, 3> out;
+  for (int k = 0; k < 3; ++k) {
+    FirstOrder& component = out[static_cast<std::size_t>(k)];
+    component.value = v[k];
+    component.gradient = {0, 0, 0, v1[k], v2[k]};
+    component.rest = bend;
+  }
+  return out;
+}
+
 /// 1 / f where f is positive throughout.
 inline FirstOrder inverse_of_positive(const FirstOrder& f, const Domain& d) {
   const double r = f.radius(d), low = f.value - r;

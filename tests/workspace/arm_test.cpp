@@ -32,26 +32,28 @@ TEST(FirstOrder, FunctionsAreEnclosedOverTheirDomain) {
     const double size = std::pow(10.0, random(-3, -0.5));
     const Patch patch = make_rectangle({0, 0}, {size, 2 * size});
     const Domain d{Vec3(size, 0.5 * size, 2 * size), &patch};
-    FirstOrder f = random(-2, 2), g = random(-2, 2);
+    FirstOrder f = random(-2, 2), g = random(-2, 2), h = random(-2, 2);
     for (std::size_t i = 0; i < 5; ++i) {
       f.gradient[i] = random(-1, 1);
       g.gradient[i] = random(-1, 1);
+      h.gradient[i] = random(-1, 1);
     }
     const FirstOrder product = times(f, g, d), root_f = root(f, d), inverse = inverse_of_positive(f, d),
-                     square_product = square(product, d);  // of a number with a rest of its own
+                     square_product = square(product, d),  // of a number with a rest of its own
+        length = norm({f, g, h}, d), length_of_products = norm({product, square(h, d), f}, d);
     for (int sample = 0; sample < 30; ++sample) {
       std::array<double, 5> x{};
       for (std::size_t i = 0; i < 3; ++i) x[i] = random(-1, 1) * d.half[static_cast<Eigen::Index>(i)];
       x[3] = random(-0.5, 0.5) * size;
       x[4] = random(-1, 1) * size;
-      const auto linear = [&](const FirstOrder& h) {
-        double v = h.value;
-        for (std::size_t i = 0; i < 5; ++i) v += h.gradient[i] * x[i];
+      const auto linear = [&](const FirstOrder& of) {
+        double v = of.value;
+        for (std::size_t i = 0; i < 5; ++i) v += of.gradient[i] * x[i];
         return v;
       };
-      const double fx = linear(f), gx = linear(g);
-      const auto encloses = [&](const FirstOrder& h, double value) {
-        return !std::isfinite(h.rest) || std::abs(value - linear(h)) <= h.rest + kRound * (1 + std::abs(value));
+      const double fx = linear(f), gx = linear(g), hx = linear(h);
+      const auto encloses = [&](const FirstOrder& of, double value) {
+        return !std::isfinite(of.rest) || std::abs(value - linear(of)) <= of.rest + kRound * (1 + std::abs(value));
       };
       EXPECT_TRUE(encloses(product, fx * gx));
       EXPECT_TRUE(encloses(root_f, std::sqrt(std::max(0.0, fx))));
@@ -59,6 +61,14 @@ TEST(FirstOrder, FunctionsAreEnclosedOverTheirDomain) {
         EXPECT_TRUE(encloses(inverse, 1 / fx));
       }
       EXPECT_TRUE(encloses(square_product, fx * gx * fx * gx));
+      EXPECT_TRUE(encloses(length, Vec3(fx, gx, hx).norm()));
+      EXPECT_TRUE(encloses(length_of_products, Vec3(fx * gx, hx * hx, fx).norm()));
+    }
+    // No more than the tangent and what a sphere falls away from it.
+    const double moved2 = f.radius(d) * f.radius(d) + g.radius(d) * g.radius(d) + h.radius(d) * h.radius(d);
+    const double middle = Vec3(f.value, g.value, h.value).norm();
+    if (middle > 2 * std::sqrt(moved2)) {
+      EXPECT_LE(2 * length.rest, moved2 / middle * (1 + kRound));
     }
   }
 }

@@ -97,13 +97,17 @@ class ParallelLimits {
     const int n = joint_count(m_);
     std::array<DomainNumber, 5> u;
     if (free_.empty()) {
-      const PoseT<DomainNumber> X = pose(center, d, u);
-      return group < n ? leg(group, X, d, out) : tip(X, d, out);
+      if (group == n) return tip(position(center, d), d, out);
+      if (driven_leg(m_, group).ring) return ring_leg(group, pose(center, d, u), d, out);
+      Vector3<DomainNumber> y = position(center, d);
+      const auto arm = turned(patch, driven_leg(m_, group).platform - m_.tool);
+      for (int k = 0; k < 3; ++k) y[k] += DomainNumber(arm[static_cast<std::size_t>(k)], &d);
+      return straight_leg(group, y, d, out);
     }
     const std::optional<Pose> X0 = settled(m_, target_at(center, patch));
     if (!X0 || !enclose(*X0, center, d, u)) return too_far(center, half) ? Verdict::dead : Verdict::open;
     const PoseT<DomainNumber> X = pose(center, d, u);
-    Verdict verdict = tip(X, d, out);
+    Verdict verdict = tip(X.p, d, out);
     for (int j = 0; j < n && verdict != Verdict::dead; ++j) verdict = both(verdict, leg(j, X, d, out));
     if (verdict != Verdict::undecided) out.clear();
     return verdict;
@@ -179,7 +183,8 @@ class ParallelLimits {
     PoseT<T> X;
     X.p = Vector3<T>(c[0], c[1], c[2]);
     if (m_.task.names_axis()) {
-      X.R = patched() * rotation_by_angles<T>(T(0.0), T(0.0), about_axis);
+      X.R = patched();
+      if (!free_.empty()) X.R = X.R * rotation_by_angles<T>(T(0.0), T(0.0), about_axis);
     } else if (m_.task.size() == 6) {
       X.R = patched();
     } else {
@@ -297,6 +302,13 @@ class ParallelLimits {
     return machine::parallel_detail::equations<T>(m_, X, std::span<const T>(), std::span<const T>(p), true);
   }
 
+  /// All positions of the tip in the box, where it prescribes all of x, y, z.
+  [[nodiscard]] static Vector3<DomainNumber> position(const Vec3& center, const Domain& d) {
+    Vector3<DomainNumber> p;
+    for (int k = 0; k < 3; ++k) p[k] = {variable(center[k], static_cast<std::size_t>(k)), &d};
+    return p;
+  }
+
   /// All poses of the domain in first order.
   [[nodiscard]] PoseT<DomainNumber> pose(const Vec3& center, const Domain& d,
                                          const std::array<DomainNumber, 5>& u) const {
@@ -370,40 +382,49 @@ class ParallelLimits {
   }
 
   /// The limits of the tool tip.
-  Verdict tip(const PoseT<DomainNumber>& X, const Domain& d, BoundList& out) const {
+  Verdict tip(const Vector3<DomainNumber>& p, const Domain& d, BoundList& out) const {
     const int first = 2 * joint_count(m_);
     Verdict verdict = Verdict::inside;
     for (int k = 0; k < 3; ++k) {
       if (std::isfinite(m_.low[k])) {
         verdict =
-            both(verdict, judged(X.p[k] - DomainNumber(m_.low[k]), first + k, reach_ + std::abs(m_.low[k]), d, out));
+            both(verdict, judged(p[k] - DomainNumber(m_.low[k]), first + k, reach_ + std::abs(m_.low[k]), d, out));
       }
       if (std::isfinite(m_.high[k])) {
         verdict = both(verdict,
-                       judged(DomainNumber(m_.high[k]) - X.p[k], first + 3 + k, reach_ + std::abs(m_.high[k]), d, out));
+                       judged(DomainNumber(m_.high[k]) - p[k], first + 3 + k, reach_ + std::abs(m_.high[k]), d, out));
       }
     }
     return verdict;
   }
 
+  static Vector3<DomainNumber> constant(const Vec3& v) { return {v[0], v[1], v[2]}; }
+
   /// The limits of drive j.
   Verdict leg(int j, const PoseT<DomainNumber>& X, const Domain& d, BoundList& out) const {
+    const machine::ParallelLeg& leg = driven_leg(m_, j);
+    if (leg.ring) return ring_leg(j, X, d, out);
+    return straight_leg(j, X.R * constant(leg.platform - m_.tool) + X.p, d, out);
+  }
+
+  Verdict ring_leg(int j, const PoseT<DomainNumber>& X, const Domain& d, BoundList& out) const {
     using N = DomainNumber;
     const machine::ParallelLeg& leg = driven_leg(m_, j);
-    const auto constant = [](const Vec3& v) { return Vector3<N>(N(v[0]), N(v[1]), N(v[2])); };
-    if (leg.ring) {
-      const Vector3<N> w =
-          Vector3<N>(X.R.transpose() * Vector3<N>(constant(leg.base) - X.p)) - constant(leg.ring->center - m_.tool);
-      const N h = machine::parallel_detail::dot(constant(leg.ring->axis), w);
-      Vector3<N> across;
-      for (int k = 0; k < 3; ++k) across[k] = w[k] - h * N(leg.ring->axis[k]);
-      const N off = sqrt(square(across[0]) + square(across[1]) + square(across[2])) - N(leg.ring->radius);
-      return length_within(j, sqrt(square(off) + square(h)), leg, d, out);
-    }
-    Vector3<N> y = X.R * constant(leg.platform - m_.tool);
-    for (int k = 0; k < 3; ++k) y[k] = y[k] + X.p[k] + N(leg.still[k] - leg.base[k]);
-    const N length2 = square(y[0]) + square(y[1]) + square(y[2]);
-    if (leg.drive == machine::LegDrive::strut) return length_within(j, sqrt(length2), leg, d, out);
+    const Vector3<N> w =
+        Vector3<N>(X.R.transpose() * Vector3<N>(constant(leg.base) - X.p)) - constant(leg.ring->center - m_.tool);
+    const N h = machine::parallel_detail::dot(constant(leg.ring->axis), w);
+    Vector3<N> across;
+    for (int k = 0; k < 3; ++k) across[k] = w[k] - h * N(leg.ring->axis[k]);
+    const N off = norm(across) - N(leg.ring->radius);
+    return length_within(j, sqrt(square(off) + square(h)), leg, d, out);
+  }
+
+  /// `joint`: where the leg meets the platform.
+  Verdict straight_leg(int j, const Vector3<DomainNumber>& joint, const Domain& d, BoundList& out) const {
+    const machine::ParallelLeg& leg = driven_leg(m_, j);
+    const Vector3<DomainNumber> y = joint + constant(leg.still - leg.base);
+    if (leg.drive == machine::LegDrive::strut) return length_within(j, norm(y), leg, d, out);
+    const DomainNumber length2 = square(y[0]) + square(y[1]) + square(y[2]);
     return leg.drive == machine::LegDrive::rail ? on_rail(j, leg, y, length2, d, out)
                                                 : in_turn(j, leg, y, length2, d, out);
   }
