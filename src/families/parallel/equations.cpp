@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/families/parallel/equations.hpp"
 
+#include <Eigen/LU>
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
@@ -128,6 +129,19 @@ struct Settling {
 /// Farther than this from its start a pose is taken for another assembly mode: rad, and shares of the machine's size.
 constexpr double kNear = 0.35;
 
+using Tall = Eigen::Matrix<double, Eigen::Dynamic, 6, 0, kMaxEquations + 6, 6>;
+
+/// The x of A x = b, by least squares where there are more than six rows or those are nearly dependent.
+Vec6 solved(const Tall& A, const Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxEquations + 6, 1>& b) {
+  constexpr double kDependent = 1e-8;
+  if (A.rows() == 6) {
+    const Eigen::PartialPivLU<Eigen::Matrix<double, 6, 6>> lu(A);
+    const Vec6 pivots = lu.matrixLU().diagonal().cwiseAbs();
+    if (pivots.minCoeff() > kDependent * pivots.maxCoeff()) return lu.solve(Vec6(b));
+  }
+  return A.colPivHouseholderQr().solve(b);
+}
+
 /// Newton's method on what the task prescribes and the passive equations. It gives up where a step ends so far from
 /// `start` (`farthest`, a share of the machine's size) that it does not come back. A step far shorter than the one
 /// before and shorter than `enough` is the last: what remains is about its square.
@@ -143,12 +157,12 @@ Settling settle_from(const Parallel& m, const Pose& target, const Pose& start, d
   for (int k = 0; k < kSteps; ++k) {
     const EquationRows rows = passive_rows(m, out.X);
     const int n = static_cast<int>(rows.F.size());
-    Eigen::Matrix<double, Eigen::Dynamic, 6, 0, kMaxEquations + 6, 6> A(n + m.task.size(), 6);
+    Tall A(n + m.task.size(), 6);
     Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxEquations + 6, 1> F(n + m.task.size());
     A << rows.A, T;
     F << rows.F, -(T * pose_error(m.task, target, out.X));
     A.rightCols<3>() /= m.size;
-    Vec6 step = -(A.colPivHouseholderQr().solve(F));
+    Vec6 step = -solved(A, F);
     step.tail<3>() /= m.size;
     if (!step.allFinite()) return out;
     const double turn = step.tail<3>().norm(), length = step.head<3>().norm();

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/SVD>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <limits>
 #include <numbers>
@@ -60,69 +60,94 @@ void place(const Stages& m, std::vector<StagePose>& stages) {
   }
 }
 
-JacobianMatrix columns_of(const Stages& m, const std::vector<StagePose>& stages, const Vec3& p_M) {
+/// The stages on their way, with the Jacobian of each by itself.
+struct Moving {
+  std::vector<StagePose> stages;
+  std::vector<JacobianMatrix> J;
+};
+
+JacobianMatrix columns_of(const Stages& m, const Moving& at, const Vec3& p_M) {
   JacobianMatrix J(6, joint_count(m));
-  Eigen::Index at = 0;
-  for (std::size_t k = 0; k < stages.size(); ++k) {
-    const JacobianMatrix own = kinematics::jacobian(m.machines[k], stages[k].X, stages[k].q);
-    for (Eigen::Index i = 0; i < own.cols(); ++i) J.col(at++) = carried(stages[k], own.col(i), p_M);
+  Eigen::Index column = 0;
+  for (std::size_t k = 0; k < at.stages.size(); ++k) {
+    for (Eigen::Index i = 0; i < at.J[k].cols(); ++i) J.col(column++) = carried(at.stages[k], at.J[k].col(i), p_M);
   }
   return J;
 }
 
-/// Joints of the stage at a pose at which its drives move it well: of the solutions of its inverse the first whose
-/// Jacobian is far from singular, else the best. The search goes from pose to pose, and which solution carries it does
-/// not matter.
-std::optional<JointVector> joints_that_move(const AnyMachine& machine, const Pose& X) {
-  constexpr double kWell = 0.02;  // of the least to the largest singular value, angles on 1 m
+/// The least singular value of a Jacobian as a share of the largest, angles on 1 m.
+double spread_of(const JacobianMatrix& J) {
+  using Squares = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxJoints, kMaxJoints>;
+  const Squares squares = J.transpose() * J;
+  const auto lambda = Eigen::SelfAdjointEigenSolver<Squares>(squares, Eigen::EigenvaluesOnly).eigenvalues();
+  const double most = lambda[lambda.size() - 1];
+  return most > 0 ? std::sqrt(std::max(0.0, lambda[0]) / most) : 0.0;
+}
+
+/// The joints of a pose that the stage is settled at, in its own posture, where its family tells them without a search.
+std::optional<JointVector> own_joints(const AnyMachine& machine, const Pose& X) {
+  return std::visit(
+      [&](const auto& stage) -> std::optional<JointVector> {
+        if constexpr (requires { joints_of(stage, X); }) return joints_of(stage, X);
+        return std::nullopt;
+      },
+      machine);
+}
+
+/// Joints of the stage at a pose at which its drives move it well, with the Jacobian there: of the solutions of its
+/// inverse the first whose Jacobian is far from singular, else the best. The search goes from pose to pose, and which
+/// solution carries it does not matter.
+bool take_joints_that_move(const AnyMachine& machine, const Pose& X, JointVector& q, JacobianMatrix& J) {
+  constexpr double kWell = 0.02;
   constexpr std::size_t kMost = 8;
+  if (const auto own = own_joints(machine, X)) {
+    J = kinematics::jacobian(machine, X, *own);
+    q = *own;
+    if (J.allFinite() && spread_of(J) > kWell) return true;
+  }
   const InverseResult found = kinematics::inverse(machine, X);
-  std::optional<JointVector> out;
+  const std::size_t count = std::min(found.solutions.size(), kMost);
   double best = -1;
-  for (std::size_t i = 0; i < found.solutions.size() && i < kMost && best < kWell; ++i) {
-    const JointVector& q = found.solutions[i].joints;
-    const JacobianMatrix J = kinematics::jacobian(machine, X, q);
-    if (!J.allFinite()) continue;
-    const Eigen::VectorXd sigma = Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues();
-    const double share = sigma[0] > 0 ? sigma.tail<1>()[0] / sigma[0] : 0.0;
+  for (std::size_t i = 0; i < count && best < kWell; ++i) {
+    JacobianMatrix here = kinematics::jacobian(machine, X, found.solutions[i].joints);
+    if (!here.allFinite()) continue;
+    const double share = count > 1 ? spread_of(here) : 0.0;
     if (share <= best) continue;
     best = share;
-    out = q;
+    q = found.solutions[i].joints;
+    J = std::move(here);
   }
-  return out;
+  return best >= 0;
 }
 
 /// What the stages become by a step of all joints; empty where the closed stage does not reach.
-std::optional<std::vector<StagePose>> moved(const Stages& m, const std::vector<StagePose>& from,
-                                            const JointVector& step) {
-  std::vector<StagePose> out = from;
+std::optional<Moving> moved(const Stages& m, const Moving& from, const JointVector& step) {
+  Moving out = from;
   Eigen::Index at = 0;
-  for (std::size_t k = 0; k < out.size(); ++k) {
+  for (std::size_t k = 0; k < out.stages.size(); ++k) {
+    StagePose& stage = out.stages[k];
     const JointVector own = step.segment(at, m.data[k].joints);
     at += m.data[k].joints;
     if (is_chain(m, k)) {
-      out[k].q += own;
-      out[k].X = forward(std::get<SerialArm>(m.machines[k]), out[k].q);
+      stage.q += own;
+      stage.X = forward(std::get<SerialArm>(m.machines[k]), stage.q);
+      out.J[k] = kinematics::jacobian(m.machines[k], stage.X, stage.q);
       continue;
     }
-    const Vec6 twist = kinematics::jacobian(m.machines[k], out[k].X, out[k].q) * own;
-    Pose X = out[k].X;
+    const Vec6 twist = from.J[k] * own;
+    Pose X = stage.X;
     X.p += twist.head<3>();
     X.R = rotation_of(twist.tail<3>()) * X.R;
     const std::optional<Pose> follows = std::visit(
-        [&](const auto& stage) -> std::optional<Pose> {
-          if constexpr (requires { settled_near(stage, X, from[k].X); }) return settled_near(stage, X, from[k].X);
-          return kinematics::settled(m.machines[k], X, out[k].q + own);
+        [&](const auto& machine) -> std::optional<Pose> {
+          if constexpr (requires { settled_near(machine, X, stage.X); }) return settled_near(machine, X, X);
+          return kinematics::settled(m.machines[k], X, stage.q + own);
         },
         m.machines[k]);
-    if (!follows) return std::nullopt;
-    X = *follows;
-    const auto q = joints_that_move(m.machines[k], X);
-    if (!q) return std::nullopt;
-    out[k].q = *q;
-    out[k].X = X;
+    if (!follows || !take_joints_that_move(m.machines[k], *follows, stage.q, out.J[k])) return std::nullopt;
+    stage.X = *follows;
   }
-  place(m, out);
+  place(m, out.stages);
   return out;
 }
 
@@ -143,34 +168,43 @@ struct Search {
   bool converged = false;
 };
 
+Moving with_jacobians(const Stages& m, std::vector<StagePose> stages) {
+  Moving out{std::move(stages), {}};
+  place(m, out.stages);
+  for (std::size_t k = 0; k < out.stages.size(); ++k) {
+    out.J.push_back(kinematics::jacobian(m.machines[k], out.stages[k].X, out.stages[k].q));
+  }
+  return out;
+}
+
 /// Levenberg and Marquardt's method from the given stages.
-Search search(const Stages& m, const Pose& target, std::vector<StagePose> stages) {
+Search search(const Stages& m, const Pose& target, const std::vector<StagePose>& from) {
   constexpr int kSteps = 60;
   constexpr double kDone = 1e-12, kEnough = 1e-10, kMostDamping = 1e6;
-  place(m, stages);
+  Moving at = with_jacobians(m, from);
   const auto S = task_rows(m.task, target, 1.0);
-  const auto error = [&](const std::vector<StagePose>& at) {
-    return (S * pose_error(m.task, target, tip_of(m, at))).eval();
+  const auto error = [&](const Moving& moving) {
+    return (S * pose_error(m.task, target, tip_of(m, moving.stages))).eval();
   };
   constexpr int kMostSlow = 4;      // steps one after the other that leave ...
   constexpr double kSlowly = 0.98;  // ... more than this of the error: the target is out of reach, or the way to it is
   Search out;
   double damping = 1e-3;
   int slow = 0;
-  auto e = error(stages);
+  auto e = error(at);
   for (int k = 0; k < kSteps && e.norm() > kDone; ++k) {
-    const JacobianMatrix all = columns_of(m, stages, tip_of(m, stages).p);
+    const JacobianMatrix all = columns_of(m, at, tip_of(m, at.stages).p);
     const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, kMaxJoints> J = S * all;
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, 6> H = J * J.transpose();
     H.diagonal().array() += damping * damping;
     const JointVector step = J.transpose() * H.ldlt().solve(e);
-    const auto next = step.allFinite() ? moved(m, stages, step) : std::nullopt;
+    auto next = step.allFinite() ? moved(m, at, step) : std::nullopt;
     if (next) {
       const auto e_next = error(*next);
       if (e_next.norm() < e.norm()) {
         slow = e_next.norm() > kSlowly * e.norm() ? slow + 1 : 0;
         if (slow > kMostSlow && e.norm() > kEnough) break;
-        stages = *next;
+        at = std::move(*next);
         e = e_next;
         damping = std::max(1e-9, 0.1 * damping);
         continue;
@@ -182,7 +216,7 @@ Search search(const Stages& m, const Pose& target, std::vector<StagePose> stages
   }
   out.error = e.norm();
   out.converged = out.error < kEnough;
-  out.stages = std::move(stages);
+  out.stages = std::move(at.stages);
   return out;
 }
 
@@ -194,7 +228,9 @@ std::vector<StagePose> at_home(const Stages& m) {
       out[k].X = forward(std::get<SerialArm>(m.machines[k]), out[k].q);
     } else {
       out[k].X = kinematics::home_pose(m.machines[k]).value_or(Pose{});
-      out[k].q = joints_that_move(m.machines[k], out[k].X).value_or(JointVector::Zero(m.data[k].joints));
+      out[k].q = JointVector::Zero(m.data[k].joints);
+      JacobianMatrix J;
+      take_joints_that_move(m.machines[k], out[k].X, out[k].q, J);
     }
   }
   return out;
@@ -376,8 +412,8 @@ Vec6 carried(const StagePose& stage, const Vec6& twist, const Vec3& p_M) {
 }
 
 JacobianMatrix jacobian(const Stages& m, const Pose& X_MT, const JointVector& q) {
-  const std::vector<StagePose> stages = stage_poses(m, X_MT, q);
-  return columns_of(m, stages, tip_of(m, stages).p);
+  const Moving at = with_jacobians(m, stage_poses(m, X_MT, q));
+  return columns_of(m, at, tip_of(m, at.stages).p);
 }
 
 namespace {
@@ -409,7 +445,7 @@ InverseResult searched(const Stages& m, const Pose& X_MT, std::optional<LimitBit
       }
       stages[k].X = forward(std::get<SerialArm>(m.machines[k]), stages[k].q);
     }
-    const Search found = search(m, X_MT, std::move(stages));
+    const Search found = search(m, X_MT, stages);
     best = std::min(best, found.error);
     const std::size_t known = out.solutions.size();
     if (found.converged) add(m, found, out);
@@ -466,7 +502,7 @@ InverseResult inverse_from(const Stages& m, const Pose& X_MT, const JointVector&
     stages[k].q = own;
     stages[k].X = pose.poses.front();
   }
-  const Search found = search(m, X_MT, std::move(stages));
+  const Search found = search(m, X_MT, stages);
   out.converged = found.converged;
   if (!found.converged) {
     out.reason = fmt::format("the search from the last joints came within {:.3g} mm (angles at 1 m) of the target",
