@@ -16,6 +16,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/design/analyse.hpp"
+#include "polypod/design/compared.hpp"
 #include "polypod/design/optimize.hpp"
 #include "polypod/design/ranks.hpp"
 #include "polypod/design/sensitivity.hpp"
@@ -246,6 +247,44 @@ void print_again(const Study& study, const std::vector<Row>& rows, const design:
   if (broken.size() > kShown) fmt::print("  and {} more, see --json\n", broken.size() - kShown);
 }
 
+/// The machines that the study compares with.
+Json compared_json(const Study& study, const std::vector<Row>& rows, const std::vector<Row>& known) {
+  Json out = Json::array();
+  for (std::size_t k = 0; k < known.size(); ++k) {
+    const design::Standing standing = design::standing_of(study, rows, known[k]);
+    Json one = row_json(study, known[k]);
+    one.erase("row");
+    one.erase("phase");
+    one["name"] = study.compared[k].name;
+    one["standing"] = design::name_of(standing.is);
+    one["is_candidate"] = !standing.outside;
+    if (study.wants_front()) {
+      one["dominated_by"] = standing.by > 0 ? Json(standing.by) : Json();
+      one["dominates"] = standing.dominates;
+    }
+    out.push_back(std::move(one));
+  }
+  return out;
+}
+
+void print_compared(const Study& study, const std::vector<Row>& rows, const std::vector<Row>& known) {
+  if (known.empty()) return;
+  fmt::print("machines that are known:\n");
+  const std::vector<design::Figure> figures = study.figures();
+  for (std::size_t k = 0; k < known.size(); ++k) {
+    std::string values;
+    if (!study.wants_front()) values = fmt::format("objective {}", shown(known[k].evaluation.objective.value));
+    for (std::size_t i = 0; i < figures.size(); ++i) {
+      values += fmt::format("{}{} {}", values.empty() ? "" : ", ", design::info_of(figures[i]).name,
+                            shown(known[k].evaluation.figures[i].value));
+    }
+    fmt::print("  {}: {}; {}\n", one_line(study.compared[k].name), values,
+               one_line(design::in_words(design::standing_of(study, rows, known[k]))));
+  }
+  const std::string advice = design::advice(study, rows, known);
+  if (!advice.empty()) fmt::print("no: {}\n", advice);
+}
+
 Json no_json(const Study& study, const std::vector<Row>& rows) {
   Json holds = Json::array(), refused = Json::array();
   for (const design::HoldSummary& h : design::hold_summaries(study, rows)) {
@@ -391,8 +430,11 @@ Command optimize_command() {
         POLYPOD_ASSIGN(again, design::judge_again(study, store, found, finer,
                                                   [line = progress_line(context, "judging again")](
                                                       double share) mutable { line(share); }));
+        POLYPOD_ASSIGN(known, design::judge_compared(study, store, finer,
+                                                     [line = progress_line(context, "judging what is known")](
+                                                         double share) mutable { line(share); }));
         POLYPOD_TRY(store.close());
-        const bool yes = any && (!again || again->holds_kept());
+        const bool yes = any && (!again || again->holds_kept()) && !design::beaten(study, found.rows, known);
         const Row* start = start_of(found.rows);
         if (context.json) {
           Json out({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
@@ -411,6 +453,7 @@ Command optimize_command() {
           if (const auto volume = design::front_volume(study, found.rows, found.front); volume && !found.best)
             out["hypervolume"] = hypervolume_json(study, *volume);
           if (again) out["judged_again"] = again_json(study, *again);
+          if (!known.empty()) out["compared"] = compared_json(study, found.rows, known);
           if (!any) out["why_none"] = no_json(study, asked);
           print_json(out);
           return yes ? kDone : kAnswerIsNo;
@@ -437,6 +480,7 @@ Command optimize_command() {
         } else {
           print_why_none(study, asked);
         }
+        print_compared(study, found.rows, known);
         fmt::print("every evaluation is in {}; `polypod study {}` shows them\n", design::database_of(o->folder),
                    for_shell(o->folder));
         return yes ? kDone : kAnswerIsNo;
@@ -660,7 +704,7 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
                          const std::vector<std::size_t>& which, const std::vector<design::Sensitivity>& sensitivities,
                          const design::StudySensitivity& global, bool complete, const Row* machine_row,
                          const std::vector<design::Start>& starts, const std::vector<double>& reference,
-                         const std::optional<design::JudgedAgain>& again) {
+                         const std::optional<design::JudgedAgain>& again, const std::vector<Row>& known) {
   files::Outputs out;
   if (!o.csv.empty()) {
     std::vector<std::size_t> in_order = which;
@@ -672,8 +716,8 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
     POLYPOD_ASSIGN(text, design::file_of_row(study, *machine_row));
     POLYPOD_TRY(out.add(o.output, std::move(text)));
   }
-  const pages::StudyPage page{study,           rows,           sensitivities, global,    complete,
-                              POLYPOD_VERSION, command_line(), starts,        reference, again};
+  const pages::StudyPage page{study,          rows,   sensitivities, global, complete, POLYPOD_VERSION,
+                              command_line(), starts, reference,     again,  known};
   constexpr double kWidth = 960;
   if (!o.front_svg.empty()) {
     POLYPOD_ASSIGN(figure, pages::front_figure(page));
@@ -737,6 +781,7 @@ Command study_command() {
             POLYPOD_ASSIGN(complete, store.complete());
             POLYPOD_ASSIGN(starts, design::kept_starts(store));
             POLYPOD_ASSIGN(again, design::kept_again(store));
+            POLYPOD_ASSIGN(known, design::kept_compared(store));
             POLYPOD_ASSIGN(reference, reference_of(*o, study));
             POLYPOD_ASSIGN(which, chosen_rows(*o, study, rows));
             const Row* machine_row = nullptr;
@@ -749,7 +794,7 @@ Command study_command() {
             const auto sensitivities = design::sensitivities(study, rows);
             sort_rows(study, rows, front, which);
             POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row, starts,
-                                          reference, again));
+                                          reference, again, known));
             std::vector<std::size_t> listed = which;
             listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
             if (context.json) {
@@ -768,6 +813,7 @@ Command study_command() {
                         {"listed", list}});
               if (!starts.empty()) out["starts"] = starts_json(starts);
               if (again) out["judged_again"] = again_json(study, *again);
+              if (!known.empty()) out["compared"] = compared_json(study, rows, known);
               const auto volume = design::front_volume(study, rows, front, reference);
               if (volume && study.wants_front()) out["hypervolume"] = hypervolume_json(study, *volume);
               if (global.design.groups > 0) out["global_sensitivities"] = global_json(study, global);
@@ -791,6 +837,7 @@ Command study_command() {
               print_hypervolume(study, rows, front, reference);
             }
             if (again) print_again(study, rows, *again);
+            print_compared(study, rows, known);
             if (!listed.empty()) {
               fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());
               print_table(study, rows, listed);

@@ -130,16 +130,23 @@ Result<std::optional<JudgedAgain>> kept_again(const Store& store) {
   return std::optional<JudgedAgain>(JudgedAgain{kept.first, std::move(kept.second)});
 }
 
-bool start_is_candidate(const Study& study) {
-  const std::vector<double> values = study.values_of(study.start);
-  if (values.empty()) return false;
+std::optional<std::vector<double>> as_candidate(const Study& study, const std::vector<double>& values) {
   std::vector<double> near;
   constexpr double kSame = 1e-9;
   for (std::size_t i = 0; i < values.size(); ++i) {
     const Vary& v = study.vary[i];
     near.push_back(rounded(v.at(v.share_of(values[i]))));
-    if (std::abs(near.back() - values[i]) > kSame * (1 + std::abs(values[i]))) return false;
+    if (std::abs(near.back() - values[i]) > kSame * (1 + std::abs(values[i]))) return std::nullopt;
   }
+  return near;
+}
+
+bool start_is_candidate(const Study& study) {
+  const std::vector<double> values = study.values_of(study.start);
+  if (values.empty()) return false;
+  const auto candidate = as_candidate(study, values);
+  if (!candidate) return false;
+  const std::vector<double>& near = *candidate;
   if (study.of_cell) {
     const auto cell = cell_at(study, near);
     return cell && *cell == study.machine_toml;

@@ -26,6 +26,7 @@ constexpr int kKindOfError = 0xff;  // of SQLite's extended codes
 constexpr const char* kLock = "lock";
 constexpr const char* kSamples = "sensitivity";
 constexpr const char* kAgain = "judged_again";
+constexpr const char* kCompared = "compared";
 
 /// An identifier of SQL in its quotes.
 std::string quoted(const std::string& name) {
@@ -203,6 +204,8 @@ struct Store::Impl {
   }
 
   Status add(sqlite3_stmt* s, const Row& row) const;
+  /// A table with these rows alone; without rows none.
+  [[nodiscard]] Status replace_rows(const char* table, const std::vector<Row>& rows) const;
   [[nodiscard]] Result<std::vector<Row>> rows_of(const char* table) const;
   /// None of a table that is not there.
   [[nodiscard]] Result<std::vector<Row>> rows_where_there(const char* table) const {
@@ -330,6 +333,8 @@ Result<Store> Store::open(const std::string& folder, const Study& study, const s
   POLYPOD_TRY(impl->run("PRAGMA journal_mode = WAL"));
   POLYPOD_TRY(impl->run("PRAGMA synchronous = NORMAL"));
   if (!there) POLYPOD_TRY(impl->create(study, text, version));
+  // The same study may compare with other machines now.
+  if (there && !text.empty()) POLYPOD_TRY(impl->set_meta("study", text));
   impl->seen_version = version;
   impl->study = study;
   POLYPOD_ASSIGN(insert, impl->prepare_insert("evaluation"));
@@ -426,14 +431,18 @@ Result<std::vector<Row>> Store::samples() const {
   return impl_->rows_where_there(kSamples);
 }
 
+Status Store::Impl::replace_rows(const char* table, const std::vector<Row>& rows) const {
+  POLYPOD_TRY(run(fmt::format("DROP TABLE IF EXISTS {}", table)));
+  if (rows.empty()) return {};
+  POLYPOD_TRY(run(fmt::format("CREATE TABLE {} ({})", table, typed_columns(study))));
+  POLYPOD_ASSIGN(into, prepare_insert(table));
+  for (const Row& row : rows) POLYPOD_TRY(add(into.get(), row));
+  return {};
+}
+
 Status Store::set_judged_again(int resolution, const std::vector<Row>& rows) {
   POLYPOD_TRY(impl_->run("BEGIN IMMEDIATE"));
-  POLYPOD_TRY(impl_->run(fmt::format("DROP TABLE IF EXISTS {}", kAgain)));
-  if (!rows.empty()) {
-    POLYPOD_TRY(impl_->run(fmt::format("CREATE TABLE {} ({})", kAgain, Impl::typed_columns(impl_->study))));
-    POLYPOD_ASSIGN(insert, impl_->prepare_insert(kAgain));
-    for (const Row& row : rows) POLYPOD_TRY(impl_->add(insert.get(), row));
-  }
+  POLYPOD_TRY(impl_->replace_rows(kAgain, rows));
   POLYPOD_TRY(impl_->set_meta(kAgain, fmt::format("{}", resolution)));
   return impl_->run("COMMIT");
 }
@@ -442,6 +451,16 @@ Result<std::pair<int, std::vector<Row>>> Store::judged_again() const {
   POLYPOD_ASSIGN(resolution, impl_->meta(kAgain));
   POLYPOD_ASSIGN(rows, impl_->rows_where_there(kAgain));
   return std::pair(std::atoi(resolution.c_str()), std::move(rows));
+}
+
+Status Store::set_compared(const std::vector<Row>& rows) {
+  POLYPOD_TRY(impl_->run("BEGIN IMMEDIATE"));
+  POLYPOD_TRY(impl_->replace_rows(kCompared, rows));
+  return impl_->run("COMMIT");
+}
+
+Result<std::vector<Row>> Store::compared() const {
+  return impl_->rows_where_there(kCompared);
 }
 
 Result<std::string> Store::note(const std::string& key) const {

@@ -404,6 +404,42 @@ Status read_robust(const config::Table& table, Study& s) {
   return {};
 }
 
+/// A machine to compare with. What it does not say is that of the start.
+Result<Compared> read_compared(const config::Table& t, const Study& s) {
+  Compared out;
+  out.place = t.place();
+  POLYPOD_ASSIGN(name, t.text("name"));
+  out.name = name;
+  const auto same = [&](const Compared& other) { return other.name == name; };
+  if (std::any_of(s.compared.begin(), s.compared.end(), same)) {
+    return fail("OP117", fmt::format("\"{}\" is the name of two machines to compare with", name), t.place_of("name"),
+                "give each a name of its own");
+  }
+  POLYPOD_ASSIGN(values, read_sizes(t, "values"));
+  out.varied = s.of_cell ? std::vector<double>() : s.values_of(s.start);
+  const bool whole = !out.varied.empty();
+  out.varied.resize(s.vary.size(), 0);
+  std::vector<bool> given(s.vary.size(), whole);
+  for (const auto& [key, value] : values) {
+    std::vector<std::string> known;
+    for (const Vary& v : s.vary) known.push_back(v.key);
+    const auto at = std::find(known.begin(), known.end(), key);
+    if (at == known.end()) {
+      return fail("OP117", fmt::format("{}: {} is not varied in this study", name, key), t.place_of("values"),
+                  did_you_mean(key, known) + fmt::format("varied are {}", fmt::join(known, ", ")));
+    }
+    const auto i = static_cast<std::size_t>(at - known.begin());
+    out.varied[i] = value;
+    given[i] = true;
+  }
+  for (std::size_t i = 0; i < given.size(); ++i) {
+    if (given[i]) continue;
+    return fail("OP117", fmt::format("{}: {} has no value", name, s.vary[i].key), t.place_of("values"),
+                "the machine of the study does not have it either: give a value for each parameter that is varied");
+  }
+  return t.finish().map([&] { return out; });
+}
+
 template <class T, class Read>
 Status read_all(const config::Table& table, const char* key, std::vector<T>& out, const Read& read) {
   POLYPOD_ASSIGN(tables, table.tables(key));
@@ -453,6 +489,7 @@ Result<Study> study_of(const config::Table& table, const std::string& name, cons
   POLYPOD_TRY(read_all(table, "tie", s.ties, read_tie));
   POLYPOD_TRY(read_all(table, "goal", s.goals, read_goal));
   POLYPOD_TRY(read_all(table, "hold", s.holds, read_hold));
+  POLYPOD_ASSIGN(compared, table.tables("compare"));
   POLYPOD_TRY(table.finish());
   if (s.vary.size() > kMostVaried) {
     return fail("OP104", fmt::format("{} varied parameters are more than {}", s.vary.size(), kMostVaried),
@@ -471,6 +508,10 @@ Result<Study> study_of(const config::Table& table, const std::string& name, cons
   POLYPOD_TRY(judge_cell_figures(s));
   for (const Goal& g : s.goals) POLYPOD_TRY(has_figure(s, g.figure, g.place));
   for (const Hold& h : s.holds) POLYPOD_TRY(has_figure(s, h.box ? Figure::volume : h.figure, h.place));
+  for (const config::Table& t : compared) {
+    POLYPOD_ASSIGN(one, read_compared(t, s));
+    s.compared.push_back(std::move(one));
+  }
   return s;
 }
 

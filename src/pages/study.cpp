@@ -4,12 +4,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
 #include "machine_lines.hpp"
 #include "moving_machine.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/design/compared.hpp"
 #include "polypod/design/optimize.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
@@ -127,6 +129,7 @@ class Page {
           Verdict::neutral,
           fmt::format("{} machines are left of which none is better than another in every goal.", front_.size()));
       judged_again();
+      known();
       front_table();
       return;
     }
@@ -149,6 +152,7 @@ class Page {
     }
     report_.add_key_figures(figures);
     compare();
+    known();
   }
 
   /// What a finer survey says of the best machine or of the points of the front.
@@ -381,17 +385,9 @@ class Page {
   void tradeoffs() {
     if (front_.empty()) return;
     report_.add_section("How the goals compete");
-    if (const auto figure = front_figure(page_)) {
-      report_.add_figure(
-          *figure,
-          fmt::format("{} against {}. On the front no other machine that is done is better in every goal of the study; "
-                      "with more than two goals it is a surface, of which this is one side.{}",
-                      design::info_of(study_.goals[0].figure).name, design::info_of(study_.goals[1].figure).name,
-                      best_ == nullptr ? ""
-                                       : " Machines that were dropped for their objective are not among them, so the "
-                                         "front of all may hold more."));
-      if (best_ != nullptr) front_table();
-    }
+    for (std::size_t y = 1; y < study_.goals.size(); ++y)
+      for (std::size_t x = 0; x < y; ++x) pair_of_goals(x, y);
+    if (best_ != nullptr) front_table();
     if (const auto volume = design::front_volume(study_, page_.rows, front_, page_.reference);
         volume && study_.wants_front()) {
       report_.add_text("How much the front dominates: " + design::in_words(study_, *volume) +
@@ -402,6 +398,54 @@ class Page {
                          "Each line is a candidate across its parameters and goals. Axes of goals point upwards "
                          "to what is better.");
     }
+  }
+
+  void pair_of_goals(std::size_t x, std::size_t y) {
+    const auto figure = front_figure(page_, x, y);
+    if (!figure) return;
+    const bool first = x == 0 && y == 1, more = study_.goals.size() > 2;
+    report_.add_figure(
+        *figure,
+        fmt::format(
+            "{} against {}.{}", design::info_of(study_.goals[y].figure).name,
+            design::info_of(study_.goals[x].figure).name,
+            !first ? ""
+                   : fmt::format(
+                         " On the front no other machine that is done is better in every goal of the "
+                         "study{}.{}",
+                         more ? "; with more than two goals it is a surface, of which each picture is a side" : "",
+                         best_ == nullptr ? ""
+                                          : " Machines that were dropped for their objective are not among them, so "
+                                            "the front of all may hold more.")));
+  }
+
+  /// The machines that the study compares with.
+  void known() {
+    if (page_.known.empty()) return;
+    report_.add_heading("Beside machines that are known");
+    if (const std::string advice = design::advice(study_, page_.rows, page_.known); !advice.empty()) {
+      std::string text = advice;
+      text.front() = 'A';
+      report_.add_verdict(Verdict::bad, text + ".");
+    }
+    report::Table t;
+    t.caption = "Machines that the study compares with, judged as candidates are";
+    t.columns.push_back({"machine", "", -1});
+    const std::vector<Figure> order = study_.figures();
+    if (!study_.wants_front()) t.columns.push_back({"objective", "", -1});
+    for (const Figure f : order) t.columns.push_back({design::info_of(f).name, "", -1});
+    for (const design::Vary& v : study_.vary) t.columns.push_back({v.key, "", -1});
+    t.columns.push_back({"where it stands", "", -1});
+    for (std::size_t k = 0; k < page_.known.size(); ++k) {
+      const Row& row = page_.known[k];
+      std::vector<report::Cell> cells{study_.compared[k].name};
+      if (!study_.wants_front()) cells.emplace_back(number(row.evaluation.objective.value, kDigits));
+      for (const design::Value& v : row.evaluation.figures) cells.emplace_back(number(v.value, kDigits));
+      for (const double x : row.varied) cells.emplace_back(number(x, kDigits));
+      cells.emplace_back(design::in_words(design::standing_of(study_, page_.rows, row)));
+      t.rows.push_back(std::move(cells));
+    }
+    report_.add_table(t);
   }
 
   void sensitivities() {
@@ -599,12 +643,12 @@ class Page {
 
 }  // namespace
 
-Result<report::Figure> front_figure(const StudyPage& page) {
+Result<report::Figure> front_figure(const StudyPage& page, std::size_t across, std::size_t up) {
   const Study& study = page.study;
   if (study.goals.size() < 2) {
     return fail("QP110", "a front needs two goals", {}, "this study has one: its rows are in the table");
   }
-  const Goal &x = study.goals[0], &y = study.goals[1];
+  const Goal &x = study.goals[across], &y = study.goals[up];
   report::LinePlot plot;
   plot.title = fmt::format("{} against {}", design::info_of(y.figure).name, design::info_of(x.figure).name);
   plot.x = {fmt::format("{} ({} is better)", design::info_of(x.figure).name, x.maximise ? "more" : "less"), "", {}, {}};
@@ -639,6 +683,13 @@ Result<report::Figure> front_figure(const StudyPage& page) {
   plot.series = {tried, front};
   if (!start.x.empty()) plot.series.push_back(start);
   if (!best.x.empty()) plot.series.push_back(best);
+  constexpr std::array kColours{report::Colour::purple, report::Colour::orange, report::Colour::sky,
+                                report::Colour::ink};
+  for (std::size_t k = 0; k < page.known.size(); ++k) {
+    report::Series one{study.compared[k].name, {}, {}, kColours[k % kColours.size()], report::LineStyle::points, 4.5};
+    add(one, page.known[k]);
+    if (!one.x.empty()) plot.series.push_back(one);
+  }
   plot.aspect = 0.5;
   return report::Figure(plot);
 }

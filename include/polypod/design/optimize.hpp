@@ -90,6 +90,9 @@ Result<std::optional<JudgedAgain>> judge_again(const Study& study, Store& store,
 /// What the store has of it; none since a search went on. Errors: those of the store.
 Result<std::optional<JudgedAgain>> kept_again(const Store& store);
 
+/// These values of the varied keys as the search would try them; none where they lie outside of the ranges or beside
+/// the steps and lists.
+std::optional<std::vector<double>> as_candidate(const Study& study, const std::vector<double>& values);
 /// Whether the machine of the study is one of its candidates: within the ranges, with all ties.
 bool start_is_candidate(const Study& study);
 

@@ -39,8 +39,9 @@ struct Row {
 class Store {
  public:
   /// Opens the folder of a study for writing and makes it where it is not there. `version` of Polypod; `text` of the
-  /// study file. Errors: OP110 (the folder or the file cannot be made or opened), OP111 (not a database of studies),
-  /// OP112 (another study), OP113 (another version), OP114 (another process works on it), OP115 (disk full).
+  /// study file, empty: that which is kept. Errors: OP110 (the folder or the file cannot be made or opened), OP111 (not
+  /// a database of studies), OP112 (another study), OP113 (another version), OP114 (another process works on it), OP115
+  /// (disk full).
   static Result<Store> open(const std::string& folder, const Study& study, const std::string& text,
                             const std::string& version);
   /// Opens it for reading; another process may write meanwhile. Errors: OP110, OP111, OP116 (no study there).
@@ -65,6 +66,10 @@ class Store {
   /// of what was there; no rows: nothing is there. Errors: OP115.
   Status set_judged_again(int resolution, const std::vector<Row>& rows);
   [[nodiscard]] Result<std::pair<int, std::vector<Row>>> judged_again() const;
+  /// The machines that the study compares with, in a table `compared` of the same columns, numbered from 1 in its
+  /// order. Errors: OP115.
+  Status set_compared(const std::vector<Row>& rows);
+  [[nodiscard]] Result<std::vector<Row>> compared() const;
   /// A text under a key of `meta`; empty where the key is not there.
   [[nodiscard]] Result<std::string> note(const std::string& key) const;
   Status set_note(const std::string& key, const std::string& text);

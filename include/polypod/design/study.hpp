@@ -105,6 +105,13 @@ struct Hold {
   [[nodiscard]] std::string in_words() const;
 };
 
+/// A machine that is known already and shall be seen beside what is found: judged as a candidate is, but none.
+struct Compared {
+  std::string name;
+  std::vector<double> varied;  ///< of Study::vary, in the units of their keys; they may lie outside of the ranges
+  Place place;
+};
+
 struct Study {
   std::string file;     ///< as it was read
   std::string machine;  ///< as the study names it
@@ -129,6 +136,7 @@ struct Study {
   std::vector<Tie> ties;
   std::vector<Goal> goals;
   std::vector<Hold> holds;
+  std::vector<Compared> compared;  ///< no part of the identity
 
   /// Several goals without weights: what is looked for is a front.
   [[nodiscard]] bool wants_front() const { return goals.size() > 1 && !goals.front().weighted; }
@@ -150,8 +158,8 @@ struct Study {
 /// (an empty range, step or list), OP102 (a key that the machine does not have), OP103 (a key that is varied, tied or
 /// set twice, or a tie that leads nowhere), OP104 (nothing to vary, no goal), OP105 (weights and best values), OP106
 /// (holds that contradict each other or say nothing), OP107 (a figure that this machine does not have), OP108 (sense),
-/// OP109 (a range of directions, or a cone as well), OP140 (poses, a load or a motion that say nothing), OP141 (a box
-/// of [robust] that is none).
+/// OP109 (a range of directions, or a cone as well), OP117 (a machine to compare with), OP140 (poses, a load or a
+/// motion that say nothing), OP141 (a box of [robust] that is none).
 Result<Study> read_study(const std::string& path);
 /// The same from text; `name` stands for the file, and a machine is looked for beside it. `machine_toml`: the machine's
 /// file with what the study sets, as Study::machine_toml keeps it; where it is given no other file is read.

@@ -25,11 +25,12 @@ struct StudyPage {
   std::vector<design::Start> starts;         ///< of the search (design::kept_starts)
   std::vector<double> reference;             ///< of the hypervolume of the front, as design::front_volume takes it
   std::optional<design::JudgedAgain> again;  ///< the answer over a finer survey (design::kept_again)
+  std::vector<design::Row> known;            ///< machines to compare with (design::kept_compared)
 };
 
-/// The first two goals of all rows that have both, those of the front, and the start. Errors: QP110 (fewer than two
-/// goals, or no row that has both).
-Result<report::Figure> front_figure(const StudyPage& page);
+/// Two goals, by their places in the study, of all rows that have both, those of the front, the start, and the machines
+/// that are known. Errors: QP110 (fewer than two goals, or no row that has both).
+Result<report::Figure> front_figure(const StudyPage& page, std::size_t x = 0, std::size_t y = 1);
 
 /// A line a row across the varied parameters and the goals, each on an axis of its own, better goals up: at most 200
 /// done rows, the best (of a front its points) in colour. Errors: QP110 (no row is done).

@@ -1,0 +1,139 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Machines that are known already beside what a search found.
+#include "polypod/design/compared.hpp"
+
+#include "polypod/design/optimize.hpp"
+#include "studies.hpp"
+
+namespace polypod::design {
+namespace {
+
+constexpr const char* kVary =
+    "[[vary]]\nkey = \"base.radius_mm\"\nmin = 20\nmax = 60\n"
+    "[[vary]]\nkey = \"platform.radius_mm\"\nmin = 10\nmax = 40\n";
+constexpr const char* kFootprint = "[[goal]]\nfigure = \"footprint_mm2\"\nsense = \"min\"\n";
+std::string known(const std::string& name, const std::string& values) {
+  return "[[compare]]\nname = \"" + name + "\"\nvalues = [" + values + "]\n";
+}
+
+TEST(Compared, TakesWhatItDoesNotSayFromTheMachine) {
+  const Study s =
+      study_on_strut(std::string(kVary) + kFootprint + known("small", "\"base.radius_mm=10\"") + known("as it is", ""));
+  ASSERT_EQ(s.compared.size(), 2U);
+  EXPECT_EQ(s.compared[0].name, "small");
+  EXPECT_EQ(s.compared[0].varied, (std::vector<double>{10, 25}));  // 10 lies outside of the range
+  EXPECT_EQ(s.compared[1].varied, (std::vector<double>{50, 25}));
+  EXPECT_EQ(s.identity(), study_on_strut(std::string(kVary) + kFootprint).identity());
+}
+
+TEST(Compared, RefusesWhatIsNotVaried) {
+  const std::string head = std::string(kVary) + kFootprint;
+  for (const auto& [text, says] : {std::pair{known("a", "\"base.radius=3\""), "base.radius is not varied"},
+                                   {known("a", "\"tool.length_mm=3\""), "tool.length_mm is not varied"},
+                                   {known("a", "\"base.radius_mm\""), "no KEY=number"},
+                                   {known("a", "") + known("a", ""), "the name of two"},
+                                   {std::string("[[compare]]\nvalues = []\n"), "name"},
+                                   {known("a", "") + "more = 1\n", "more"}}) {
+    const auto s = study_from_text("machine = \"strut\"\n" + head + text, "test.toml", kStrut);
+    ASSERT_FALSE(s) << text;
+    EXPECT_NE(to_string(s.error()).find(says), std::string::npos) << to_string(s.error());
+  }
+}
+
+TEST(Compared, StandsBesideTheBest) {
+  // The footprint falls with the radius: the best of these four is that of 40.
+  const Study s =
+      study_on_strut("[[vary]]\nkey = \"base.radius_mm\"\nvalues = [40, 45, 50, 55]\n" + std::string(kFootprint) +
+                     known("smaller", "\"base.radius_mm=30\"") + known("larger", "\"base.radius_mm=52\"") +
+                     known("the same", "\"base.radius_mm=40\"") + known("none", "\"base.radius_mm=-3\""));
+  const Folder folder;
+  auto store = Store::open(folder / "a", s, "", "1.0");
+  ASSERT_TRUE(store) << to_string(store.error());
+  const auto found = optimize(s, *store, {});
+  ASSERT_TRUE(found) << to_string(found.error());
+  const auto rows = judge_compared(s, *store, {});
+  ASSERT_TRUE(rows) << to_string(rows.error());
+  ASSERT_EQ(rows->size(), 4U);
+  const auto standing = [&](std::size_t k) { return standing_of(s, found->rows, (*rows)[k]).is; };
+  EXPECT_EQ(standing(0), Standing::Is::better);
+  EXPECT_EQ(standing(1), Standing::Is::worse);
+  EXPECT_EQ(standing(2), Standing::Is::alike);
+  EXPECT_EQ(standing(3), Standing::Is::no_solution);
+  EXPECT_TRUE(beaten(s, found->rows, *rows));
+  EXPECT_TRUE(standing_of(s, found->rows, (*rows)[0]).outside);
+  EXPECT_FALSE(standing_of(s, found->rows, (*rows)[2]).outside);
+  EXPECT_NE(advice(s, found->rows, *rows).find("widen its ranges"), std::string::npos);
+  EXPECT_FALSE(beaten(s, found->rows, {(*rows)[1], (*rows)[2], (*rows)[3]}));
+  EXPECT_EQ(standing_of(s, {}, (*rows)[0]).is, Standing::Is::alone);
+  // They are no candidates, and the store keeps them for this list alone.
+  EXPECT_EQ(store->rows()->size(), found->rows.size());
+  EXPECT_EQ(kept_compared(*store)->size(), 4U);
+  const auto again = judge_compared(s, *store, {});
+  ASSERT_TRUE(again);
+  EXPECT_EQ((*again)[0].evaluation.seconds, (*rows)[0].evaluation.seconds);  // not computed again
+  Study other = s;
+  other.compared.resize(1);
+  EXPECT_EQ(judge_compared(other, *store, {})->size(), 1U);
+  EXPECT_TRUE(kept_compared(*store)->empty());
+}
+
+TEST(Compared, StandsBesideAFront) {
+  const Study s =
+      study_on_strut("poses = [[0, 0, 60, 0, 0, 0]]\n[[vary]]\nkey = \"base.radius_mm\"\nvalues = [40, 50]\n" +
+                     std::string(kFootprint) + "[[goal]]\nfigure = \"height_mm\"\nsense = \"min\"\n" +
+                     known("between", "\"base.radius_mm=45\"") + known("as one", "\"base.radius_mm=50\""));
+  // Rows with figures that are given: (footprint, height).
+  const auto row = [](std::int64_t number, double footprint, double height) {
+    Row out;
+    out.row = number;
+    out.varied = {40};
+    out.evaluation.state = State::done;
+    out.evaluation.figures = {{footprint, footprint, footprint}, {height, height, height}};
+    return out;
+  };
+  const std::vector<Row> rows{row(1, 10, 30), row(2, 20, 20), row(3, 30, 10)};
+  const Standing dominated = standing_of(s, rows, row(1, 21, 21));
+  EXPECT_EQ(dominated.is, Standing::Is::dominated);
+  EXPECT_EQ(dominated.by, 2);
+  EXPECT_EQ(dominated.dominates, 0);
+  const Standing beside = standing_of(s, rows, row(1, 15, 25));
+  EXPECT_EQ(beside.is, Standing::Is::not_dominated);
+  EXPECT_EQ(beside.dominates, 0);
+  const Standing before = standing_of(s, rows, row(1, 15, 9));
+  EXPECT_EQ(before.is, Standing::Is::not_dominated);
+  EXPECT_EQ(before.dominates, 2);
+  EXPECT_EQ(standing_of(s, rows, row(1, 20, 20)).is, Standing::Is::not_dominated);
+  EXPECT_FALSE(beaten(s, rows, {row(1, 15, 9)}));  // a front does not say that there is nothing else
+}
+
+/// What a study compares with may change; the search goes on from its rows, and a reader sees the new list.
+TEST(Compared, ANewListKeepsTheSearch) {
+  const std::string text = std::string(kVary) + kFootprint;
+  const Folder folder;
+  const std::string more = text + known("small", "\"base.radius_mm=20\"");
+  {
+    auto store = Store::open(folder / "a", study_on_strut(text), "machine = \"strut\"\n" + text, "1.0");
+    ASSERT_TRUE(store);
+    ASSERT_TRUE(store->close());
+  }
+  {
+    const Study s = study_on_strut(more);
+    auto store = Store::open(folder / "a", s, "machine = \"strut\"\n" + more, "1.0");
+    ASSERT_TRUE(store) << to_string(store.error());
+    ASSERT_TRUE(judge_compared(s, *store, {}));
+    ASSERT_TRUE(store->close());
+  }
+  {
+    // As an analysis opens it: without the text.
+    auto store = Store::open(folder / "a", study_on_strut(more), "", "1.0");
+    ASSERT_TRUE(store);
+    ASSERT_TRUE(store->close());
+  }
+  const auto read = Store::read(folder / "a");
+  ASSERT_TRUE(read) << to_string(read.error());
+  ASSERT_EQ(read->study().compared.size(), 1U);
+  EXPECT_EQ(kept_compared(*read)->size(), 1U);
+}
+
+}  // namespace
+}  // namespace polypod::design
