@@ -3,17 +3,19 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace polypod {
 
 Figures::Figures(double largest, int usual, int significant)
     : largest_(std::isfinite(largest) ? std::abs(largest) : 0), decimals_(usual), significant_(significant) {
-  constexpr int kMostDecimals = 9;
-  constexpr double kMostBefore = 1e12;  // more digits before the point than a computed figure holds
+  constexpr int kMostDecimals = 9, kMostDigits = 9;  // more than a computed figure holds
+  constexpr double kMostBefore = 1e9;
   if (largest_ == 0) return;
-  const int needed = significant - 1 - static_cast<int>(std::floor(std::log10(largest_)));
+  const int power = static_cast<int>(std::floor(std::log10(largest_))), needed = significant - 1 - power;
   if (needed > usual) decimals_ = needed;
+  decimals_ = std::clamp(kMostDigits - 1 - power, 0, decimals_);
   exponent_ = needed > std::max(usual, kMostDecimals) || largest_ >= kMostBefore;
 }
 

@@ -15,6 +15,9 @@ TEST(Figures, KeepTheUsualDecimalsWhereTheyShowEnough) {
   EXPECT_EQ(figure(233574.4, 0), "233574");
   EXPECT_EQ(Figures(100, 2)(0.0123), "0.01");  // beside a large one
   EXPECT_EQ(figure(0, 2), "0.00");
+  EXPECT_EQ(figure(161715359.72, 6), "161715360");  // no figure holds fifteen digits
+  EXPECT_EQ(figure(1234.5678901, 6), "1234.56789");
+  EXPECT_EQ(figure(1161715359.72, 6), "1.16e+09");
   EXPECT_EQ(Figures(55, 1)(-0.03), "0.0");
   EXPECT_EQ(Figures(55, 1)(-0.07), "-0.1");
 }
