@@ -14,6 +14,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/hold.hpp"
 
 namespace polypod::control {
 namespace {
@@ -79,18 +80,57 @@ std::optional<JointVector> home_of(const AnyMachine& machine, const std::vector<
   return home_of_arm(machine, stands);
 }
 
-/// The largest `sign` c[i] of a pose within all limits that steps from c find: outwards alone, or with one of the other
-/// coordinates, by ever smaller shares of `range`.
-double farthest(const AnyMachine& machine, std::vector<double> c, int i, double sign,
+/// Home's side of singular poses of type 2 (JEL 6.3), beyond which the module has no answer.
+class HomesSide {
+ public:
+  HomesSide(const AnyMachine& machine, const Pose& home, const JointVector& q)
+      : machine_(machine),
+        task_(kinematics::task(machine)),
+        hold_(machine),
+        at_home_(kinematics::is_serial(machine) ? 0 : hold_.at(home, q).determinant) {}
+  /// At a pose that is settled with the joints q.
+  [[nodiscard]] bool holds(const Pose& X, const JointVector& q) const {
+    return at_home_ == 0 || hold_.at(X, q).determinant * at_home_ > 0;
+  }
+  [[nodiscard]] bool reaches(const std::vector<double>& c) const {
+    const Pose X = kinematics::pose_of(task_, c);
+    const kinematics::InverseResult found = kinematics::inverse(machine_, X);
+    const kinematics::Solution* s = found.reachable();
+    return s != nullptr && holds(kinematics::settled(machine_, X, s->joints), s->joints);
+  }
+  /// No pose that is looked at on the straight line of the coordinates lies beyond; what is out of reach is passed
+  /// over. Two singular poses in a row, whose signs cancel, show so.
+  [[nodiscard]] bool leads(const std::vector<double>& from, const std::vector<double>& to, int parts) const {
+    for (int part = 1; at_home_ != 0 && part < parts; ++part) {
+      std::vector<double> c = from;
+      for (std::size_t k = 0; k < c.size(); ++k) c[k] += (to[k] - from[k]) * part / parts;
+      const Pose X = kinematics::pose_of(task_, c);
+      const kinematics::InverseResult found = kinematics::inverse(machine_, X);
+      if (found.solutions.empty()) continue;
+      const JointVector& q = found.solutions.front().joints;
+      if (!holds(kinematics::settled(machine_, X, q), q)) return false;
+    }
+    return true;
+  }
+
+ private:
+  const AnyMachine& machine_;
+  Task task_;
+  kinematics::HoldAnywhere hold_;
+  double at_home_;  ///< of the determinant; 0 where it tells nothing
+};
+
+/// The largest `sign` c[i] of a pose within all limits, on home's side of singular poses, that steps from c find:
+/// outwards alone, or with one of the other coordinates, by ever smaller shares of `range`.
+double farthest(const AnyMachine& machine, const HomesSide& side, std::vector<double> c, int i, double sign,
                 const std::vector<double>& range) {
   constexpr double kFirst = 0.1, kLast = 1e-3;
-  constexpr int kMostSteps = 200;
+  constexpr int kMostSteps = 200, kParts = 3;
   const Task task = kinematics::task(machine);
   const auto reaches = [&](const std::vector<double>& at) {
     for (int k = 0; k < task.size(); ++k)  // beyond half a turn the same poses come again
       if (task.is_angle(k) && std::abs(at[static_cast<std::size_t>(k)]) > std::numbers::pi) return false;
-    const Pose X = kinematics::pose_of(task, at);
-    return kinematics::inverse(machine, X).reachable() != nullptr;
+    return side.reaches(at) && side.leads(c, at, kParts);
   };
   const auto axis = static_cast<std::size_t>(i);
   double share = kFirst;
@@ -120,8 +160,10 @@ std::vector<ControllerAxis> axes_of(const AnyMachine& machine, const std::vector
                                     const JointVector& home, const std::vector<ControllerAxis>& joints,
                                     const LinuxcncOptions& options) {
   const Task task = kinematics::task(machine);
-  const auto home_pose = kinematics::forward(machine, home).poses.front();
-  const std::vector<double> at_home = kinematics::coordinates_of(task, kinematics::settled(machine, home_pose, home));
+  const Pose home_pose = kinematics::settled(machine, kinematics::forward(machine, home).poses.front(), home);
+  const std::vector<double> at_home = kinematics::coordinates_of(task, home_pose);
+  const HomesSide side(machine, home_pose, home);
+  constexpr double kRounding = 5e-10;  // mm and deg: where an inverse that is a search ends
   const int n = task.size();
   std::vector<ControllerAxis> out(static_cast<std::size_t>(n));
   for (int i = 0; i < n; ++i) {
@@ -129,22 +171,27 @@ std::vector<ControllerAxis> axes_of(const AnyMachine& machine, const std::vector
     axis.letter = "XYZABC"[static_cast<int>(task[i])];
     axis.turns = task.is_angle(i);
     axis.home = user(axis.turns, at_home[static_cast<std::size_t>(i)]);
-    if (std::abs(axis.home) < 1e-12) axis.home = 0;
+    if (std::abs(axis.home) < kRounding) axis.home = 0;
   }
+  constexpr int kParts = 8;
   std::vector<double> linear, angular;  // speeds at which no drive is faster than it may be
   std::vector<double> low_end = at_home, high_end = at_home;
   std::vector<std::vector<double>> lowest(static_cast<std::size_t>(n), at_home), highest = lowest;
   for (const Stand& stand : stands) {
     const std::vector<double> c = kinematics::coordinates_of(task, stand.X_MT);
-    for (int i = 0; i < n; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      if (c[k] < low_end[k]) {
-        low_end[k] = c[k];
-        lowest[k] = c;
-      }
-      if (c[k] > high_end[k]) {
-        high_end[k] = c[k];
-        highest[k] = c;
+    if (!side.holds(stand.X_MT, stand.q)) continue;
+    bool extreme = false;
+    for (std::size_t k = 0; k < c.size(); ++k) extreme = extreme || c[k] < low_end[k] || c[k] > high_end[k];
+    if (extreme && side.leads(at_home, c, kParts)) {
+      for (std::size_t k = 0; k < c.size(); ++k) {
+        if (c[k] < low_end[k]) {
+          low_end[k] = c[k];
+          lowest[k] = c;
+        }
+        if (c[k] > high_end[k]) {
+          high_end[k] = c[k];
+          highest[k] = c;
+        }
       }
     }
     const Eigen::MatrixXd J =
@@ -169,8 +216,8 @@ std::vector<ControllerAxis> axes_of(const AnyMachine& machine, const std::vector
     ControllerAxis& axis = out[static_cast<std::size_t>(i)];
     const auto k = static_cast<std::size_t>(i);
     const auto end = [&](const std::vector<double>& seen, double sign) {
-      return sign * std::max(sign * farthest(machine, seen, i, sign, range),
-                             sign * farthest(machine, at_home, i, sign, range));
+      return sign * std::max(sign * farthest(machine, side, seen, i, sign, range),
+                             sign * farthest(machine, side, at_home, i, sign, range));
     };
     axis.min = user(axis.turns, end(lowest[k], -1));
     axis.max = user(axis.turns, end(highest[k], 1));

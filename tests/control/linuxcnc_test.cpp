@@ -18,6 +18,7 @@
 #include "polypod/control/settings.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/hold.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::control {
@@ -239,7 +240,6 @@ TEST(LinuxcncModule, RefusesOtherUnits) {
   EXPECT_LT(ModuleHost(so.string(), {{"angular_units", "rad"}}).loaded, 0);
 }
 
-/// The mirrored assembly of a hexapod has the same strut lengths: forward never ends there.
 // The box of the axes holds what the machine reaches along each axis from home, not what some random poses happened to.
 TEST(LinuxcncModule, AxesGoAsFarAsTheMachineFromHome) {
   for (const char* name : {"hexapod-strut", "hexapod-m850", "delta-linear", "tripod-z3", "pentapod", "kuka-kr210"}) {
@@ -250,6 +250,12 @@ TEST(LinuxcncModule, AxesGoAsFarAsTheMachineFromHome) {
     const Task task = kinematics::task(m);
     std::vector<double> home;
     for (const ControllerAxis& a : c->axes) home.push_back(a.turns ? units::from_deg(a.home) : units::from_mm(a.home));
+    // Or up to a singular pose, behind which the module has no answer; 1 of arms.
+    const auto determinant = [&](const std::vector<double>& at, const kinematics::Solution* s) {
+      const Pose X = kinematics::pose_of(task, at);
+      return s == nullptr ? 0.0 : kinematics::hold(m, kinematics::settled(m, X, s->joints), s->joints).determinant;
+    };
+    const double at_home = determinant(home, kinematics::inverse(m, kinematics::pose_of(task, home)).reachable());
     for (int i = 0; i < task.size(); ++i) {
       const ControllerAxis& axis = c->axes[static_cast<std::size_t>(i)];
       for (const double side : {-1.0, 1.0}) {
@@ -258,7 +264,8 @@ TEST(LinuxcncModule, AxesGoAsFarAsTheMachineFromHome) {
         double end = axis.home;
         for (int k = 1; k < 180; ++k) {
           at[static_cast<std::size_t>(i)] += side * (axis.turns ? units::from_deg(1) : units::from_mm(1));
-          if (kinematics::inverse(m, kinematics::pose_of(task, at)).reachable() == nullptr) break;
+          const auto found = kinematics::inverse(m, kinematics::pose_of(task, at));
+          if (determinant(at, found.reachable()) * at_home <= 0) break;
           end += side;
         }
         // The search ends at a thousandth of the range.
@@ -270,6 +277,36 @@ TEST(LinuxcncModule, AxesGoAsFarAsTheMachineFromHome) {
   }
 }
 
+// Nor does it hold what lies behind singular poses, where the module has no answer.
+TEST(LinuxcncModule, AxesEndBeforeSingularPoses) {
+  ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
+  const LinuxcncConfiguration c = exported(test::load("planar-3rrr"), 1000);
+  const test::Folder folder;
+  ModuleHost host(test::compiled(written(folder, c.module)).string());
+  const ControllerAxis& turn = c.axes.back();
+  ASSERT_EQ(turn.letter, 'C');
+  // The cranks stand to one side, so the two ends differ; the inverse alone goes as far to both.
+  EXPECT_LT(turn.max, 60);
+  EXPECT_LT(turn.min, -90);
+  for (const double side : {-1.0, 1.0}) {
+    const double end = side < 0 ? turn.min : turn.max;
+    for (const double by : {-2.0, 2.0}) {  // deg, from the end
+      std::vector<double> pose = home_of(c), q = homes(c.joints);
+      pose[5] = end + side * by;
+      EXPECT_EQ(host.inverse(pose, q), by < 0 ? 0 : -1) << pose[5];
+    }
+  }
+  // Half a turn of these is behind one, or two.
+  for (const char* name : {"delta-par4", "tripod-z3", "hexapod-slider", "dynapod"}) {
+    for (const ControllerAxis& axis : exported(test::load(name), 1000).axes) {
+      if (!axis.turns) continue;
+      EXPECT_GT(axis.min, -170) << name << " " << axis.letter;
+      EXPECT_LT(axis.max, 170) << name << " " << axis.letter;
+    }
+  }
+}
+
+/// The mirrored assembly of a hexapod has the same strut lengths: forward never ends there.
 TEST(LinuxcncModule, KeepsTheAssemblyModeOfHome) {
   ASSERT_TRUE(test::has_linuxcnc()) << "scripts/install-packages test brings LinuxCNC and its headers";
   const LinuxcncConfiguration c = exported(test::load("hexapod-strut"));

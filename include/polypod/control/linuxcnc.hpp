@@ -80,10 +80,10 @@ struct LinuxcncConfiguration {
 };
 
 /// Everything that LinuxCNC needs to run the machine in simulation: its own module, joints with the machine's ranges
-/// and homes, axes with the bounds and speeds found at random stands within all limits (a sample: they bound nothing
-/// outside it), [TRAJ]HOME = forward(homes), drives that follow at once, an e-stop that `kinematics-error` opens.
-/// Deterministic. Errors: those of linuxcnc_module; LC104 (no stand was found); LC132 (with `force`: a machine without
-/// compliances, or whose poses leave out x, y or z). Cost: some seconds.
+/// and homes, axes with the bounds and speeds found at random stands within all limits on home's side of singular poses
+/// (a sample: they bound nothing outside it), [TRAJ]HOME = forward(homes), drives that follow at once, an e-stop that
+/// `kinematics-error` opens. Deterministic. Errors: those of linuxcnc_module; LC104 (no stand was found); LC132 (with
+/// `force`: a machine without compliances, or whose poses leave out x, y or z). Cost: some seconds.
 Result<LinuxcncConfiguration> linuxcnc_configuration(const AnyMachine& machine, const LinuxcncOptions& options = {});
 
 }  // namespace polypod::control
