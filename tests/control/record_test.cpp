@@ -1,6 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // Whole runs in LinuxCNC: export, start, home, a program, and the record against Polypod's own inverse. They need root
-// and LinuxCNC. One machine is run every day; POLYPOD_LONG=1 runs one of each kind, and what goes wrong.
+// and LinuxCNC. Some machines are run every day; POLYPOD_LONG=1 runs all of the catalogue, and what goes wrong.
 #include "polypod/control/record.hpp"
 
 #include <gtest/gtest.h>
@@ -90,6 +90,16 @@ std::vector<Row> rows_of(const std::string& csv) {
   return out;
 }
 
+/// m and rad
+JointVector joints_of(const AnyMachine& m, const Row& row) {
+  JointVector q(static_cast<Eigen::Index>(row.joints.size()));
+  for (int i = 0; i < static_cast<int>(q.size()); ++i) {
+    const double value = row.joints[static_cast<std::size_t>(i)];
+    q[i] = kinematics::joint_kind(m, i) == JointKind::revolute ? units::from_deg(value) : units::from_mm(value);
+  }
+  return q;
+}
+
 /// Every so many rows: the joints are a solution of the inverse at the tip of the same row. Returns the largest
 /// difference, m or rad.
 double off(const AnyMachine& m, const std::vector<Row>& rows, std::size_t step) {
@@ -102,13 +112,13 @@ double off(const AnyMachine& m, const std::vector<Row>& rows, std::size_t step) 
       c.push_back(task.is_angle(i) ? units::from_deg(value) : units::from_mm(value));
     }
     const auto found = kinematics::inverse(m, kinematics::pose_of(task, c));
+    const JointVector q = joints_of(m, rows[k]);
     double nearest = std::numeric_limits<double>::infinity();
     for (const kinematics::Solution& s : found.solutions) {
       double apart = 0;
       for (int i = 0; i < static_cast<int>(s.joints.size()); ++i) {
-        const double value = rows[k].joints[static_cast<std::size_t>(i)];
         const bool turns = kinematics::joint_kind(m, i) == JointKind::revolute;
-        const double d = s.joints[i] - (turns ? units::from_deg(value) : units::from_mm(value));
+        const double d = s.joints[i] - q[i];
         apart = std::max(apart, std::abs(turns ? std::remainder(d, 2 * std::numbers::pi) : d));
       }
       nearest = std::min(nearest, apart);
@@ -118,15 +128,38 @@ double off(const AnyMachine& m, const std::vector<Row>& rows, std::size_t step) 
   return worst;
 }
 
-/// Exports, runs a relative program of lines, an arc and turns, and compares.
-void expect_run(const std::string& name, const std::string& program, std::size_t lines, double agrees = kAgrees) {
-  const test::Folder folder;
-  const LinuxcncConfiguration c = exported(name, folder.path());
+/// Every so many rows: the tip's coordinates that no pose prescribes are those that Polypod has for what a pose does.
+/// Returns the largest difference, m or rad.
+double off_whole_pose(const AnyMachine& m, const std::vector<Row>& rows, std::size_t step) {
+  const machine::Task task = kinematics::task(m);
+  double worst = 0;
+  for (std::size_t k = 0; k < rows.size() && task.size() < 6; k += step) {
+    const std::vector<double>& at = rows[k].pose;
+    std::vector<double> c;
+    for (int i = 0; i < task.size(); ++i) {
+      const double value = at[static_cast<std::size_t>(task[i])];
+      c.push_back(task.is_angle(i) ? units::from_deg(value) : units::from_mm(value));
+    }
+    const Pose X = kinematics::settled(m, kinematics::pose_of(task, c), joints_of(m, rows[k]));
+    for (int i = 0; i < 3; ++i)
+      worst = std::max(worst, std::abs(X.p[i] - units::from_mm(at[static_cast<std::size_t>(i)])));
+    const Mat3 R = rotation_abc(units::from_deg(at[3]), units::from_deg(at[4]), units::from_deg(at[5]));
+    if (task.names_axis()) {  // C is 0 there
+      worst = std::max(worst, (R.col(2) - X.R.col(2)).cwiseAbs().maxCoeff());
+    } else {
+      worst = std::max(worst, (R - X.R).cwiseAbs().maxCoeff());
+    }
+  }
+  return worst;
+}
+
+/// Runs a relative program that comes back to home, and compares.
+void expect_run(const test::Folder& folder, const LinuxcncConfiguration& c, const AnyMachine& m,
+                const std::string& program, std::size_t lines, double agrees = kAgrees) {
   const fs::path file = folder.path() / "program.ngc";
   write(file, program);
   const auto found = record(folder.path().string(), file.string());
   ASSERT_TRUE(found) << to_string(found.error());
-  const AnyMachine m = test::load(name);
   const std::vector<Row> rows = rows_of(found->csv);
   ASSERT_EQ(rows.size(), found->samples);
   ASSERT_GT(rows.size(), 200U);
@@ -140,7 +173,9 @@ void expect_run(const std::string& name, const std::string& program, std::size_t
     EXPECT_NEAR(rows.back().pose[k], axis.home, 1e-6) << axis.letter;
   }
   for (std::size_t i = 0; i < c.joints.size(); ++i) EXPECT_NEAR(rows.front().joints[i], c.joints[i].home, 1e-6);
-  EXPECT_LT(off(m, rows, 1 + rows.size() / 400), agrees);
+  const std::size_t step = 1 + rows.size() / 400;
+  EXPECT_LT(off(m, rows, step), agrees);
+  EXPECT_LT(off_whole_pose(m, rows, step), agrees);
   // The run of LinuxCNC changed nothing in the folder.
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 7);
 }
@@ -149,7 +184,10 @@ const std::string kLines = "G21 G17 G40 G49 G80 G54 G94 G61\nG91\nF1200\n";
 
 TEST(Record, Delta) {
   POLYPOD_NEEDS_RUNS;
-  expect_run("delta-brno", kLines + "G1 X10 Y5 Z4\nG2 X6 Y6 I6 J0\nG1 X-16 Y-11 Z-4\nG90\nM2\n", 3, kAgreesWell);
+  const test::Folder folder;
+  const LinuxcncConfiguration c = exported("delta-brno", folder.path());
+  expect_run(folder, c, test::load("delta-brno"), kLines + "G1 X10 Y5 Z4\nG2 X6 Y6 I6 J0\nG1 X-16 Y-11 Z-4\nG90\nM2\n",
+             3, kAgreesWell);
 }
 
 /// The switch for block delete stands as it is told.
@@ -464,31 +502,147 @@ TEST(Record, OnlineCorrectionStopsWhereTheSensorFails) {
   }
 }
 
-using MachineAndMoves = std::pair<const char*, const char*>;
-class Kinds : public testing::TestWithParam<MachineAndMoves> {};
-GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(Kinds);
+/// A program of the machine's own: out from home in every length, in every angle, along an arc while all of it turns
+/// back beyond home, to the other side, and home; as large as what Polypod's inverse reaches without a jump.
+struct OwnProgram {
+  std::string text;
+  std::size_t lines = 0;
+};
+class Planned {
+ public:
+  Planned(const AnyMachine& machine, const LinuxcncConfiguration& configuration)
+      : machine_(machine), c_(configuration), task_(kinematics::task(machine)) {}
 
-TEST_P(Kinds, JointsAgreeWithTheInverse) {
-  POLYPOD_NEEDS_RUNS;
-  expect_run(GetParam().first, kLines + GetParam().second + "G90\nM2\n", 4);
-}
-constexpr const char* kSix = "G1 X4 Y-3 Z2\nG1 A3 B-2 C4\nG3 X-4 Y4 I-4 J0 A-1\nG1 Y-1 Z-2 A-2 B2 C-4\n";
-INSTANTIATE_TEST_SUITE_P(
-    Long, Kinds,
-    testing::ValuesIn(where_long<MachineAndMoves>(
-        {MachineAndMoves("hexapod-strut", kSix), MachineAndMoves("hexapod-slider", kSix),
-         MachineAndMoves("kuka-kr210", kSix), MachineAndMoves("ur10e", kSix),
-         MachineAndMoves("lola50", "G1 X30 Y-20 Z10\nG1 A3 B-2\nG3 X-8 Y8 I-8 J0 A-1\nG1 X-22 Y12 Z-10 A-2 B2\n"),
-         MachineAndMoves("pentapod", "G1 X30 Y-20 Z10\nG1 A3 B-2\nG3 X-8 Y8 I-8 J0 A-1\nG1 X-22 Y12 Z-10 A-2 B2\n"),
-         MachineAndMoves("tripod-z3", "G1 Z10\nG1 A3 B-2\nG1 Z-5 A-1\nG1 Z-5 A-2 B2\n"),
-         MachineAndMoves("tricept", "G1 X20\nG1 Y20 Z10\nG2 X-20 Y-20 I-10 J-10\nG1 Z-10\n"),
-         MachineAndMoves("delta-par4", "G1 X20\nG1 Y20 Z-10 C5\nG2 X-20 Y-20 I-10 J-10\nG1 Z10 C-5\n"),
-         MachineAndMoves("tricept-wrist", "G1 X20 Y10 Z5\nG1 A2 B3\nG1 X-10\nG1 X-10 Y-10 Z-5 A-2 B-3\n")})),
-    [](const auto& machine) {
-      std::string out = machine.param.first;
-      std::replace(out.begin(), out.end(), '-', '_');
+  /// The largest program that is reachable. A share of what lies between home and the nearer end of each axis.
+  std::optional<OwnProgram> program() const {
+    constexpr double kLargest = 0.3, kLeast = 0.01;
+    for (double share = kLargest; share >= kLeast; share *= 0.7)
+      if (const auto out = of(share)) return out;
+    return std::nullopt;
+  }
+
+ private:
+  using Thousandths = std::vector<long>;  ///< mm / 1000 and deg / 1000, one a coordinate of the task
+  const AnyMachine& machine_;
+  const LinuxcncConfiguration& c_;
+  machine::Task task_;
+
+  [[nodiscard]] std::optional<OwnProgram> of(double share) const {
+    // A line that would take longer at its axis's speed is cut short: the whole runs some seconds.
+    constexpr double kLongest = 0.7;  // s
+    const std::size_t n = c_.axes.size();
+    Thousandths size(n, 0);
+    long least = std::numeric_limits<long>::max();
+    for (std::size_t k = 0; k < n; ++k) {
+      const ControllerAxis& a = c_.axes[k];
+      const double room = std::min(std::min(a.home - a.min, a.max - a.home), a.turns ? 90.0 : HUGE_VAL);
+      size[k] = std::lround(1000 * std::min(share * room, kLongest * a.speed));
+      if (!a.turns) least = std::min(least, size[k]);
+      if (size[k] < 10) return std::nullopt;  // it would show nothing
+    }
+    const auto moved = [&](double lengths, double angles) {
+      Thousandths out(n);
+      for (std::size_t k = 0; k < n; ++k) {
+        const double by = c_.axes[k].turns ? angles : lengths;
+        out[k] = std::lround(by * (k % 2 == 0 ? 1 : -1) * static_cast<double>(size[k]));
+      }
       return out;
-    });
+    };
+    const bool arcs = task_.holds(machine::Coordinate::x) && task_.holds(machine::Coordinate::y);
+    std::string text = kLines;
+    std::size_t lines = 0;
+    std::vector<double> at;
+    for (const ControllerAxis& a : c_.axes) at.push_back(a.home);
+    Thousandths sum(n, 0);
+    JointVector q = joints_at_home();
+    const auto along = [&](const Thousandths& by, double feed, std::optional<long> radius = {}) {
+      text += radius ? "G3" : "G1";
+      for (std::size_t k = 0; k < n; ++k) {
+        if (by[k] != 0) text += fmt::format(" {}{:.3f}", c_.axes[k].letter, 0.001 * static_cast<double>(by[k]));
+        sum[k] += by[k];
+      }
+      if (radius) text += fmt::format(" I{:.3f} J0", -0.001 * static_cast<double>(*radius));
+      text += fmt::format(" F{:.0f}\n", std::max(60 * feed, 1.0));
+      ++lines;
+      return reaches(at, by, radius, q);
+    };
+    double fast = 0, fast_turn = 0;
+    for (const ControllerAxis& a : c_.axes) (a.turns ? fast_turn : fast) = a.speed;
+    if (!along(moved(1, 0), fast)) return std::nullopt;
+    if (task_.turns() && !along(moved(0, 1), fast_turn)) return std::nullopt;
+    Thousandths back = moved(arcs ? 0 : -0.5, -1.5);
+    if (arcs) {  // a quarter of a circle
+      back[0] = -least;
+      back[1] = least;
+    }
+    if (!along(back, fast, arcs ? std::optional<long>(least) : std::nullopt)) return std::nullopt;
+    if (!along(moved(-1.2, 0.2), fast)) return std::nullopt;
+    Thousandths home(n);
+    for (std::size_t k = 0; k < n; ++k) home[k] = -sum[k];
+    if (!along(home, fast)) return std::nullopt;
+    return OwnProgram{text + "G90\nM2\n", lines};
+  }
+
+  [[nodiscard]] JointVector joints_at_home() const {
+    JointVector q(static_cast<Eigen::Index>(c_.joints.size()));
+    for (std::size_t i = 0; i < c_.joints.size(); ++i)
+      q[static_cast<Eigen::Index>(i)] =
+          c_.joints[i].turns ? units::from_deg(c_.joints[i].home) : units::from_mm(c_.joints[i].home);
+    return q;
+  }
+
+  /// Goes along a move in small steps; false where a pose is out of reach or the joints would jump.
+  bool reaches(std::vector<double>& at, const Thousandths& by, std::optional<long> radius, JointVector& q) const {
+    constexpr int kSteps = 25;
+    constexpr double kJump = 0.1;  // m or rad in one step
+    const std::vector<double> begin = at;
+    for (int step = 1; step <= kSteps; ++step) {
+      const double part = static_cast<double>(step) / kSteps;
+      std::vector<double> c;
+      for (std::size_t k = 0; k < begin.size(); ++k) {
+        at[k] = begin[k] + part * 0.001 * static_cast<double>(by[k]);
+        if (radius && k < 2) {
+          const double r = 0.001 * static_cast<double>(*radius), turn = part * std::numbers::pi / 2;
+          at[k] = begin[k] + r * (k == 0 ? std::cos(turn) - 1 : std::sin(turn));
+        }
+        c.push_back(c_.axes[k].turns ? units::from_deg(at[k]) : units::from_mm(at[k]));
+      }
+      const auto found = kinematics::inverse_near(machine_, kinematics::pose_of(task_, c), q);
+      if (found.solutions.empty() || found.solutions.front().violations != 0) return false;
+      const JointVector& next = found.solutions.front().joints;
+      if ((next - q).cwiseAbs().maxCoeff() > kJump) return false;
+      q = next;
+    }
+    return true;
+  }
+};
+
+std::string with_underscores(std::string name) {
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+}
+std::vector<std::string> catalogue_names() {
+  std::vector<std::string> out;
+  for (const auto& entry : machine::catalogue()) out.emplace_back(entry.name);
+  return out;
+}
+
+class Machines : public testing::TestWithParam<std::string> {};
+TEST_P(Machines, RunAProgramOfTheirOwn) {
+  POLYPOD_NEEDS_RUNS;
+  const test::Folder folder;
+  const LinuxcncConfiguration c = exported(GetParam(), folder.path());
+  const AnyMachine m = test::load(GetParam());
+  const auto program = Planned(m, c).program();
+  ASSERT_TRUE(program) << "no way about home that is large enough to show something";
+  SCOPED_TRACE(program->text);
+  expect_run(folder, c, m, program->text, program->lines);
+}
+// Every day all six coordinates on struts, and a chain before closed loops with coordinates that no pose prescribes.
+INSTANTIATE_TEST_SUITE_P(Daily, Machines, testing::Values("hexapod-strut", "dynapod"),
+                         [](const auto& machine) { return with_underscores(machine.param); });
+INSTANTIATE_TEST_SUITE_P(Long, Machines, testing::ValuesIn(where_long(catalogue_names())),
+                         [](const auto& machine) { return with_underscores(machine.param); });
 
 struct Wrong {
   const char *name, *program, *id, *says;
