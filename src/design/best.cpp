@@ -5,35 +5,11 @@
 #include <cmath>
 #include <numbers>
 
-#include "ledger.hpp"
+#include "expected.hpp"
 #include "refine.hpp"
 
 namespace polypod::design {
 namespace {
-
-constexpr double kInf = std::numeric_limits<double>::infinity();
-
-/// The number by which candidates are ordered: those that keep all holds by their objective, the others below them by
-/// how much they break.
-struct Rank {
-  double violation = kInf, objective = -kInf;
-  bool operator>(const Rank& other) const {
-    if (violation != other.violation) return violation < other.violation;
-    return objective > other.objective;
-  }
-};
-
-Rank rank(const Ledger& ledger, const Member& m) {
-  const Evaluation& e = ledger.of(m);
-  return {e.violation, std::isnan(e.objective.value) ? -kInf : e.objective.value};
-}
-
-/// `best` becomes `m` where that is better, or where there was none.
-bool improve(const Ledger& ledger, Member& best, const Member& m) {
-  if (m.u.empty() || (!best.u.empty() && !(rank(ledger, m) > rank(ledger, best)))) return false;
-  best = m;
-  return true;
-}
 
 /// Factors and shares of crossing that led to better candidates.
 class Memory {
@@ -260,9 +236,35 @@ Status start(Ledger& ledger, std::int64_t budget, double global, bool first, Mem
   return {};
 }
 
+/// Models first, then what is nearest to their best, and again while evaluations are left.
+Status find_by_models(Ledger& ledger) {
+  constexpr double kForTheBest = 0.2;
+  constexpr int kMostRounds = 20;
+  Member best;
+  for (int round = 0; round < kMostRounds && !ledger.over(); ++round) {
+    const std::int64_t before = ledger.left();
+    const auto ends = static_cast<std::int64_t>(2 * ledger.n() + 4);
+    POLYPOD_TRY(expect(
+        ledger,
+        std::min(std::max(static_cast<std::int64_t>(kForTheBest * static_cast<double>(before)), ends), before / 2),
+        best));
+    if (!best.u.empty() && !std::isinf(ledger.of(best).violation)) {
+      POLYPOD_TRY(go_up(ledger, 0, round == 0 ? kFirstStep : kLaterStep, best));
+    }
+    if (ledger.left() == before) break;  // nothing new is left to try
+  }
+  return {};
+}
+
 }  // namespace
 
 Status find_best(Ledger& ledger) {
+  // Models of what is known pay where an evaluation is dearer than a step of theirs, and there are few.
+  constexpr std::int64_t kMostForModels = 600;
+  constexpr std::size_t kMostParameters = 20;
+  const bool few = ledger.left() <= kMostForModels && ledger.n() <= kMostParameters;
+  const Search search = ledger.study().search;
+  if (search == Search::models || (search == Search::automatic && few)) return find_by_models(ledger);
   // As many starts as have enough evaluations to find their hill; a fifth is kept for the best of them. One start alone
   // must do with its evolution, of several each goes up what it finds. On hills like those of JEL's rail hexapods three
   // starts with 200 evaluations find the highest of three with 17 of 30 seeds, one start with 3.

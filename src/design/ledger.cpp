@@ -255,6 +255,12 @@ std::vector<Member> Ledger::latin(std::size_t count, bool with_start) {
   return out;
 }
 
+Shares Ledger::shares_of(const Row& row) const {
+  Shares out;
+  for (std::size_t i = 0; i < row.varied.size(); ++i) out.push_back(study_.vary[i].share_of(row.varied[i]));
+  return out;
+}
+
 std::size_t Ledger::below(std::size_t n) {
   return std::min(n - 1, static_cast<std::size_t>(random_.uniform() * static_cast<double>(n)));
 }

@@ -44,6 +44,10 @@ class Ledger {
   [[nodiscard]] std::int64_t left() const { return study_.evaluations - static_cast<std::int64_t>(out_.rows.size()); }
   [[nodiscard]] bool over() const { return stopped_ || left() <= 0; }
 
+  /// Where a row stands in the ranges.
+  [[nodiscard]] Shares shares_of(const Row& row) const;
+  /// All but the machine of the study, where that is none.
+  [[nodiscard]] bool is_candidate(const Row& row) const { return row.phase != Phase::start || is_candidate_; }
   /// One candidate in each of `count` slices of every range; the first is the start, as far as it has a place there.
   std::vector<Member> latin(std::size_t count, bool with_start);
   /// Remembers how one of several starts ended. One that was broken off is not remembered.

@@ -450,6 +450,15 @@ Status read_all(const config::Table& table, const char* key, std::vector<T>& out
   return {};
 }
 
+Status read_search(const config::Table& table, Study& s) {
+  if (!table.has("search")) return {};
+  POLYPOD_ASSIGN(search, table.text("search"));
+  s.search = search == "models" ? Search::models : search == "evolution" ? Search::evolution : Search::automatic;
+  if (s.search != Search::automatic) return {};
+  return fail("OP118", fmt::format("unknown search \"{}\"", search), table.place_of("search"),
+              did_you_mean(search, {"models", "evolution"}) + "known: models, evolution; without it the study decides");
+}
+
 Result<Study> study_of(const config::Table& table, const std::string& name, const std::string& kept) {
   Study s;
   s.file = name;
@@ -463,6 +472,7 @@ Result<Study> study_of(const config::Table& table, const std::string& name, cons
   }
   POLYPOD_ASSIGN(seed, table.optional_integer("seed", 1, 0, 2147483647));
   POLYPOD_ASSIGN(evaluations, table.optional_integer("evaluations", s.evaluations, 1, kMostEvaluations));
+  POLYPOD_TRY(read_search(table, s));
   POLYPOD_ASSIGN(resolution, table.optional_integer("resolution", s.resolution, 8, 512));
   POLYPOD_ASSIGN(rel_tol, table.optional_number("rel_tol", s.relative_tolerance, {1e-6, 1}));
   POLYPOD_ASSIGN(interference, table.optional_boolean("interference", false));
@@ -494,6 +504,11 @@ Result<Study> study_of(const config::Table& table, const std::string& name, cons
   if (s.vary.size() > kMostVaried) {
     return fail("OP104", fmt::format("{} varied parameters are more than {}", s.vary.size(), kMostVaried),
                 table.place());
+  }
+  constexpr int kMostForModels = 2000;  // a step with so many takes longer than what it looks for
+  if (s.search == Search::models && evaluations > kMostForModels) {
+    return fail("OP118", fmt::format("models of {} evaluations take longer than those", evaluations),
+                table.place_of("search"), "write search = \"evolution\", or leave it out");
   }
   POLYPOD_TRY(judge_goals(s, table));
   if (s.goals.size() > 1 && s.goals.front().weighted) {

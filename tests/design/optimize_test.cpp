@@ -136,8 +136,8 @@ double hills(const std::vector<double>& u) {
   return std::max({inside, ends, broad, 1e-3});
 }
 
-Study five_parameters(int evaluations, int seed) {
-  std::string text = fmt::format("evaluations = {}\nseed = {}\n", evaluations, seed);
+Study five_parameters(int evaluations, int seed, const char* search) {
+  std::string text = fmt::format("evaluations = {}\nseed = {}\nsearch = \"{}\"\n", evaluations, seed, search);
   for (const char* key :
        {"base.radius_mm", "platform.radius_mm", "platform.pair_angle_deg", "tool.length_mm", "base.pair_angle_deg"})
     text += fmt::format("[[vary]]\nkey = \"{}\"\nmin = 5\nmax = 60\n", key);
@@ -149,7 +149,7 @@ TEST(Optimize, SeveralStartsSayHowTheyEnded) {
   int on_top = 0;
   constexpr int kSeeds = 30;
   for (int seed = 1; seed <= kSeeds; ++seed) {
-    const Study s = five_parameters(200, seed);
+    const Study s = five_parameters(200, seed, "evolution");
     const std::string at = folder / std::to_string(seed);
     const auto search = [&](int most) {
       auto store = Store::open(at, s, "", "1.0");
@@ -182,6 +182,25 @@ TEST(Optimize, SeveralStartsSayHowTheyEnded) {
   }
   // One start finds the highest with 3 of 30 seeds.
   EXPECT_GE(on_top, kSeeds / 2);
+}
+
+TEST(Optimize, ModelsFindTheHighestOfThreeHills) {
+  const Folder folder;
+  int on_top = 0;
+  constexpr int kSeeds = 30;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
+    const Study s = five_parameters(200, seed, "models");
+    auto store = Store::open(folder / std::to_string(seed), s, "", "1.0");
+    ASSERT_TRUE(store) << to_string(store.error());
+    KnownCrew crew(s, [](const std::vector<double>& u) { return std::vector<double>{1 / hills(u)}; });
+    OptimizeOptions options;
+    options.crew = &crew;
+    const auto o = optimize(s, *store, options);
+    ASSERT_TRUE(o && o->best);
+    EXPECT_TRUE(o->starts.empty());
+    on_top += o->rows[*o->best].evaluation.objective.value > 0.69 ? 1 : 0;
+  }
+  EXPECT_GE(on_top, 2 * kSeeds / 3);
 }
 
 /// Footprint and height of the strut hexapod of studies.hpp with these radii, in mm2 and mm.
@@ -367,14 +386,14 @@ best = 1.835
   const Outcome o = run(s, folder / "a").outcome;
   ASSERT_TRUE(o.best);
   const Row& best = o.rows[*o.best];
-  EXPECT_EQ(best.varied, (std::vector<double>{0, 0}));
+  for (const double angle : best.varied) EXPECT_NEAR(angle, 0, 0.5);  // deg
   const auto printed = evaluate(s, {0, 0}, {}, {});
   ASSERT_TRUE(printed);
   EXPECT_GE(best.evaluation.objective.value, printed->objective.value);
   // The source has V 17082, 0.160 and 1.985; its volumes come out some per cent below ours.
-  EXPECT_NEAR(best.evaluation.figures[1].value, 0.160, 0.003);
-  EXPECT_NEAR(best.evaluation.figures[2].value, 1.985, 0.05);
-  EXPECT_NEAR(best.evaluation.figures[0].value, 17082, 0.08 * 17082);
+  EXPECT_NEAR(printed->figures[1].value, 0.160, 0.003);
+  EXPECT_NEAR(printed->figures[2].value, 1.985, 0.05);
+  EXPECT_NEAR(printed->figures[0].value, 17082, 0.08 * 17082);
 }
 
 /// JEL Table 8.43 (Huang 1998; Pittens and Podhorodeski 1993): the condition number of a hexapod on struts is at least

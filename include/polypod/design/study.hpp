@@ -105,6 +105,13 @@ struct Hold {
   [[nodiscard]] std::string in_words() const;
 };
 
+/// How one machine is looked for.
+enum class Search : std::uint8_t {
+  automatic,  ///< models up to 600 evaluations of at most 20 parameters, else evolution
+  models,     ///< Kriging models of the objective and of the holds say what to try next
+  evolution,  ///< several starts of differential evolution, each refined
+};
+
 /// A machine that is known already and shall be seen beside what is found: judged as a candidate is, but none.
 struct Compared {
   std::string name;
@@ -124,6 +131,7 @@ struct Study {
   std::optional<std::array<double, 2>> a_range, b_range;  ///< rad
   std::uint64_t seed = 1;
   int evaluations = 400;  ///< at most
+  Search search = Search::automatic;
   int resolution = 24;
   double relative_tolerance = 0.01;
   bool interference = false;
@@ -158,7 +166,7 @@ struct Study {
 /// (an empty range, step or list), OP102 (a key that the machine does not have), OP103 (a key that is varied, tied or
 /// set twice, or a tie that leads nowhere), OP104 (nothing to vary, no goal), OP105 (weights and best values), OP106
 /// (holds that contradict each other or say nothing), OP107 (a figure that this machine does not have), OP108 (sense),
-/// OP109 (a range of directions, or a cone as well), OP117 (a machine to compare with), OP140 (poses, a load or a
+/// OP109 (a range of directions, or a cone as well), OP117 (a machine to compare with), OP118 (a search that is not known, or models of too much), OP140 (poses, a load or a
 /// motion that say nothing), OP141 (a box of [robust] that is none).
 Result<Study> read_study(const std::string& path);
 /// The same from text; `name` stands for the file, and a machine is looked for beside it. `machine_toml`: the machine's

@@ -1,0 +1,36 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// The search of few dear candidates, and the order of candidates.
+#pragma once
+
+#include <limits>
+
+#include "ledger.hpp"
+
+namespace polypod::design {
+
+/// The number by which candidates are ordered: those that keep all holds by their objective, the others below them by
+/// how much they break.
+struct Rank {
+  double violation = std::numeric_limits<double>::infinity(), objective = -std::numeric_limits<double>::infinity();
+  bool operator>(const Rank& other) const {
+    if (violation != other.violation) return violation < other.violation;
+    return objective > other.objective;
+  }
+};
+inline Rank rank(const Ledger& ledger, const Member& m) {
+  const Evaluation& e = ledger.of(m);
+  return {e.violation, std::isnan(e.objective.value) ? -std::numeric_limits<double>::infinity() : e.objective.value};
+}
+/// `best` becomes `m` where that is better, or where there was none.
+inline bool improve(const Ledger& ledger, Member& best, const Member& m) {
+  if (m.u.empty() || (!best.u.empty() && !(rank(ledger, m) > rank(ledger, best)))) return false;
+  best = m;
+  return true;
+}
+
+/// Bayesian optimisation with Kriging models of the objective and of each hold: a sample over all ranges, then batches
+/// of four where the improvement times the chance of keeping all holds is expected to be largest, until `end`
+/// evaluations are left or nothing new is found. The rows decide it, and the seed: not the number of threads.
+Status expect(Ledger& ledger, std::int64_t end, Member& best);
+
+}  // namespace polypod::design
