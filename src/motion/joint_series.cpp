@@ -24,6 +24,21 @@ constexpr int kMost = machine::kMaxEquations + 6;
 using System = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMost, kMost>;
 using Unknowns = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMost, 1>;
 
+/// Parameters are plain numbers beside the number type T of pose and joints where a family takes them so.
+template <class M, class T>
+constexpr bool kPlainParameters = requires(const M& m, const PoseT<T>& X, std::span<const T> q,
+                                           std::span<const double> p) {
+  closure(m, X, q, p);
+};
+template <class M, class T>
+using Parameters = std::vector<std::conditional_t<kPlainParameters<M, T>, double, T>>;
+
+template <class M, class T>
+machine::ClosureVectorT<T> closure_at(const M& m, const PoseT<T>& X, const std::vector<T>& q,
+                                      const Parameters<M, T>& p) {
+  return closure(m, X, std::span<const T>(q), std::span(p));
+}
+
 /// Equations have units of their own (m, m^2, rad): each row is scaled to the largest entry 1, so that pivots compare.
 /// Returns the factors.
 template <class Rows>
@@ -35,11 +50,6 @@ Unknowns scale_rows(Rows& rows) {
     rows.row(i) *= scale[i];
   }
   return scale;
-}
-
-/// The coefficients of one order.
-Mat3 coefficient(const Matrix3<Series>& a, int order) {
-  return Mat3::NullaryExpr([&](Eigen::Index i, Eigen::Index j) { return a(i, j)[order]; });
 }
 
 /// What the task prescribes of X against the target, 0 where it is kept, from its coordinate `first` on.
@@ -76,15 +86,28 @@ Eigen::Matrix<T, Eigen::Dynamic, 1, 0, 6, 1> task_equations(Task task, const Pos
   return out;
 }
 
+/// Coefficients of exp([w]x): of W = A s + B s^2 + C s^3 those of 1 + W + W^2 / 2 + W^3 / 6 to the third order.
+std::array<Mat3, Series::kOrder + 1> turn_coefficients(const Vector3<Series>& w) {
+  const auto part = [&](int order) { return skew(Vec3(w[0][order], w[1][order], w[2][order])); };
+  const Mat3 A = part(1), B = part(2), C = part(3), A2 = A * A;
+  return {Mat3::Identity(), A, B + 0.5 * A2, C + 0.5 * (A * B + B * A) + A2 * A / 6};
+}
+
+/// A matrix by its coefficients.
+Matrix3<Series> series_from(const std::array<Mat3, Series::kOrder + 1>& coefficients) {
+  Matrix3<Series> out;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      for (int k = 0; k <= Series::kOrder; ++k) out(i, j)[k] = coefficients[static_cast<std::size_t>(k)](i, j);
+  return out;
+}
+
 /// The pose moved by series of its twist, which begin with 0.
 PoseSeries moved(const Pose& at, const Vector3<Series>& v, const Vector3<Series>& w) {
+  std::array<Mat3, Series::kOrder + 1> R = turn_coefficients(w);
+  for (Mat3& coefficient : R) coefficient *= at.R;
   PoseSeries out;
-  const Matrix3<Series> turn = rotation_series(w);
-  for (int order = 0; order <= Series::kOrder; ++order) {
-    const Mat3 R = coefficient(turn, order) * at.R;
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) out.R(i, j)[order] = R(i, j);
-  }
+  out.R = series_from(R);
   for (int k = 0; k < 3; ++k) out.p[k] = Series(at.p[k]) + v[k];
   return out;
 }
@@ -114,7 +137,7 @@ PoseT<Dual> moved_from(int first, const Pose& at) {
 
 /// [F_X F_q] from the first unknown of the twist on, at a solution: six columns a pass on dual numbers.
 template <class M>
-System closure_columns(const M& m, int first, const Pose& at, const JointVector& joints, std::span<const Dual> p) {
+System closure_columns(const M& m, int first, const Pose& at, const JointVector& joints, const Parameters<M, Dual>& p) {
   const int twist = 6 - first, columns = twist + static_cast<int>(joints.size());
   System K;
   if constexpr (requires { closure_is_pose_error(m); }) {
@@ -132,7 +155,7 @@ System closure_columns(const M& m, int first, const Pose& at, const JointVector&
         q[static_cast<std::size_t>(column - twist)].v[column - pass] = unit;
     };
     seed(1);
-    const machine::ClosureVectorT<Dual> F = closure(m, X, std::span<const Dual>(q), p);
+    const machine::ClosureVectorT<Dual> F = closure_at(m, X, q, p);
     seed(0);
     if (pass == 0) K.resize(F.size(), columns);
     for (int i = 0; i < F.size(); ++i) K.block(i, pass, 1, count) = F[i].v.head(count).transpose();
@@ -143,7 +166,7 @@ System closure_columns(const M& m, int first, const Pose& at, const JointVector&
 /// [F_X F_q; T_X 0] from the first unknown of the twist on.
 template <class M>
 System unknowns_matrix(const M& m, Task task, int first, const Pose& target, const Pose& at, const JointVector& joints,
-                       std::span<const Dual> p) {
+                       const Parameters<M, Dual>& p) {
   const System F = closure_columns(m, first, at, joints, p);
   const int twist = 6 - first, seen = task.size() - first;
   if (seen == 0) return F;
@@ -168,8 +191,8 @@ bool on_series(const M& m) {
 /// The coefficient of this order of the closure along a curve.
 template <class M>
 Unknowns coefficients_by_series(const M& m, const PoseSeries& X, const std::vector<Series>& q,
-                                const std::vector<Series>& p, int order) {
-  const machine::ClosureVectorT<Series> F = closure(m, X, std::span<const Series>(q), std::span<const Series>(p));
+                                const Parameters<M, Series>& p, int order) {
+  const machine::ClosureVectorT<Series> F = closure_at(m, X, q, p);
   Unknowns out(F.size());
   for (int i = 0; i < F.size(); ++i) out[i] = F[i][order];
   return out;
@@ -177,7 +200,8 @@ Unknowns coefficients_by_series(const M& m, const PoseSeries& X, const std::vect
 
 /// The derivative of the closure along a curve at s = h.
 template <class M>
-Unknowns rate_at(const M& m, const PoseSeries& X, const std::vector<Series>& q, const std::vector<Dual>& p, double h) {
+Unknowns rate_at(const M& m, const PoseSeries& X, const std::vector<Series>& q, const Parameters<M, Dual>& p,
+                 double h) {
   const auto at = [&](const Series& s) {
     Dual out(s[0] + h * (s[1] + h * (s[2] + h * s[3])));
     out.v[0] = s[1] + h * (2 * s[2] + 3 * h * s[3]);
@@ -190,7 +214,7 @@ Unknowns rate_at(const M& m, const PoseSeries& X, const std::vector<Series>& q, 
   }
   std::vector<Dual> joints;
   for (const Series& s : q) joints.push_back(at(s));
-  const machine::ClosureVectorT<Dual> F = closure(m, pose, std::span<const Dual>(joints), std::span<const Dual>(p));
+  const machine::ClosureVectorT<Dual> F = closure_at(m, pose, joints, p);
   Unknowns out(F.size());
   for (int i = 0; i < F.size(); ++i) out[i] = F[i].v[0];
   return out;
@@ -199,7 +223,7 @@ Unknowns rate_at(const M& m, const PoseSeries& X, const std::vector<Series>& q, 
 /// Central differences of eighth order: of the first derivative's own first and second derivative.
 template <class M>
 Unknowns coefficients_by_differences(const M& m, const PoseSeries& X, const std::vector<Series>& q,
-                                     const std::vector<Dual>& p, int order) {
+                                     const Parameters<M, Dual>& p, int order) {
   if (order == 1) return rate_at(m, X, q, p, 0);
   constexpr double kSmall = 0.02;  // of lengths and rad, that the curve moves by
   constexpr std::array<double, 4> kFirst{4.0 / 5, -1.0 / 5, 4.0 / 105, -1.0 / 280};
@@ -228,10 +252,27 @@ Unknowns coefficients_by_differences(const M& m, const PoseSeries& X, const std:
   return order == 2 ? Unknowns(sum / (2 * h)) : Unknowns(sum / (6 * h * h));
 }
 
+/// The speed of a pose: what the pose error of a chain that stands still begins with.
+Vec6 first_twist(const PoseSeries& X) {
+  Mat3 R, rate;
+  Vec6 out;
+  for (int i = 0; i < 3; ++i) {
+    out[i] = X.p[i][1];
+    for (int j = 0; j < 3; ++j) {
+      R(i, j) = X.R(i, j)[0];
+      rate(i, j) = X.R(i, j)[1];
+    }
+  }
+  const Mat3 W = rate * R.transpose();
+  out.tail<3>() << W(2, 1) - W(1, 2), W(0, 2) - W(2, 0), W(1, 0) - W(0, 1);
+  out.tail<3>() *= 0.5;
+  return out;
+}
+
 /// By series where the closure takes them.
 template <class M>
-Unknowns coefficients_of(const M& m, const PoseSeries& X, const std::vector<Series>& q, const std::vector<Series>& p,
-                         const std::vector<Dual>& p_dual, int order) {
+Unknowns coefficients_of(const M& m, const PoseSeries& X, const std::vector<Series>& q, const Parameters<M, Series>& p,
+                         const Parameters<M, Dual>& p_dual, int order) {
   if constexpr (!kNeverOnSeries<M>) {
     if (on_series(m)) return coefficients_by_series(m, X, q, p, order);
   }
@@ -242,8 +283,8 @@ template <class M>
 JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, const JointVector& q, bool differences) {
   const Task what = task(m);
   const std::vector<double> p = kinematics::nominal_parameters(m);
-  const std::vector<Dual> p_dual(p.begin(), p.end());
-  const std::vector<Series> p_series(p.begin(), p.end());
+  const Parameters<M, Dual> p_dual(p.begin(), p.end());
+  const Parameters<M, Series> p_series(p.begin(), p.end());
   const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
   const auto n = static_cast<int>(q.size());
   const int first = first_unknown(what), twist = 6 - first;
@@ -275,11 +316,17 @@ JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, cons
     if (first == 3) X.p = target.p;
     return X;
   };
+  const auto closure_coefficient = [&](const PoseSeries& X, int order) {
+    if (differences) return coefficients_by_differences(m, X, q_series, p_dual, order);
+    if constexpr (requires { closure_is_pose_error(m); }) {
+      if (order == 1) return Unknowns(first_twist(X));  // the joints stand still as yet
+    }
+    return coefficients_of(m, X, q_series, p_series, p_dual, order);
+  };
   for (int order = 1; order <= Series::kOrder && out.regular; ++order) {
     const PoseSeries X = pose();
     Unknowns r(K.rows());
-    r.head(equations) = differences ? coefficients_by_differences(m, X, q_series, p_dual, order)
-                                    : coefficients_of(m, X, q_series, p_series, p_dual, order);
+    r.head(equations) = closure_coefficient(X, order);
     const auto T = task_equations(what, X, target, at, first);
     for (int i = 0; i < seen; ++i) r[equations + i] = T[i][order];
     const Unknowns right = -scale.cwiseProduct(r);
@@ -321,8 +368,8 @@ JointSeries driven_series_of(const M& m, const Pose& at, const JointVector& q, c
   Vector3<Series> v = Vector3<Series>::Zero(), w = v;
   std::vector<Series> q_series;
   for (int i = 0; i < q.size(); ++i) q_series.emplace_back(q[i], speed[i], acceleration[i], 0);
-  const std::vector<Series> p_series(p.begin(), p.end());
-  const std::vector<Dual> p_dual(p.begin(), p.end());
+  const Parameters<M, Series> p_series(p.begin(), p.end());
+  const Parameters<M, Dual> p_dual(p.begin(), p.end());
   for (int order = 1; order <= Series::kOrder && out.regular; ++order) {
     const PoseSeries X = moved(at, v, w);
     const Unknowns r = coefficients_of(m, X, q_series, p_series, p_dual, order);
@@ -354,19 +401,7 @@ JointSeries driven_series(const AnyMachine& machine, const Pose& at, const Joint
 }
 
 Matrix3<Series> rotation_series(const Vector3<Series>& w) {
-  // W = A s + B s^2 + C s^3: 1 + W + W^2 / 2 + W^3 / 6 to the third order.
-  const auto part = [&](int order) { return skew(Vec3(w[0][order], w[1][order], w[2][order])); };
-  const Mat3 A = part(1), B = part(2), C = part(3), A2 = A * A;
-  const Mat3 second = B + 0.5 * A2, third = C + 0.5 * (A * B + B * A) + A2 * A / 6;
-  Matrix3<Series> out;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) {
-      out(i, j)[0] = i == j ? 1 : 0;
-      out(i, j)[1] = A(i, j);
-      out(i, j)[2] = second(i, j);
-      out(i, j)[3] = third(i, j);
-    }
-  return out;
+  return series_from(turn_coefficients(w));
 }
 
 JointSeries joint_series(const AnyMachine& machine, const PoseSeries& target, const Pose& settled,

@@ -52,6 +52,12 @@ class Series {
     out[3] = a[0] * b[3] + a[1] * b[2] + a[2] * b[1] + a[3] * b[0];
     return out;
   }
+  friend Series operator*(const Series& a, double b) {
+    Series out;
+    for (int k = 0; k <= kOrder; ++k) out[k] = a[k] * b;
+    return out;
+  }
+  friend Series operator*(double a, const Series& b) { return b * a; }
   friend Series operator/(const Series& a, const Series& b) {
     Series out;
     for (int k = 0; k <= kOrder; ++k) {

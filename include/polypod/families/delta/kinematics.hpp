@@ -8,6 +8,7 @@
 #include "polypod/families/delta/linear_machine.hpp"
 #include "polypod/families/delta/rotary_machine.hpp"
 #include "polypod/families/hexapod/kinematics.hpp"
+#include "polypod/geometry/fixed_point.hpp"
 #include "polypod/geometry/trigonometry.hpp"
 #include "polypod/kinematics/concept.hpp"
 
@@ -65,11 +66,13 @@ using kinematics::kLimitSlack;
 inline constexpr std::size_t kStride = 10, kRod = 6;
 
 /// A chain at a pose: base joint (or start of the rail), unit direction of arm (or rail), driven end S, platform joint.
-template <class T>
+/// On the number type T, and P that of the parameters.
+template <class T, class P = T>
 struct Chain {
-  Vector3<T> base, arm, end, platform;
-  Vector3<T> axis;  ///< of the parallelogram's short sides
-  T rod;
+  Vector3<P> base;
+  Vector3<T> arm, end, platform;
+  Vector3<P> axis;  ///< of the parallelogram's short sides
+  P rod;
 };
 
 template <class T>
@@ -82,30 +85,32 @@ Vector3<T> from_tool(const Delta& m, std::span<const T> p, int i) {
   return vector_at(p, k + 1) - vector_at(p, kStride * static_cast<std::size_t>(m.arms));
 }
 
-template <class T>
-Chain<T> chain(const RotaryDelta& m, const PoseT<T>& X, std::span<const T> q, std::span<const T> p, int i) {
+template <class T, class P>
+Chain<T, P> chain(const RotaryDelta& m, const PoseT<T>& X, std::span<const T> q, std::span<const P> p, int i) {
   using std::cos, std::sin;
   const std::size_t k = kStride * static_cast<std::size_t>(i);
-  const T c = cos(p[k + 3]), s = sin(p[k + 3]), theta = q[static_cast<std::size_t>(i)] + p[k + 5];
+  const P c = cos(p[k + 3]), s = sin(p[k + 3]);
+  const T theta = q[static_cast<std::size_t>(i)] + p[k + 5];
   const T out = sin(theta);
-  Chain<T> chain;
+  Chain<T, P> chain;
   chain.base = vector_at(p, k);
   chain.arm = Vector3<T>(out * c, out * s, T(-cos(theta)));
   for (int j = 0; j < 3; ++j) chain.end[j] = chain.base[j] + p[k + 4] * chain.arm[j];
-  chain.axis = Vector3<T>(T(-s), c, T(0.0));
-  chain.platform = X * from_tool(m, p, i);
+  chain.axis = Vector3<P>(P(-s), c, P(0.0));
+  chain.platform = fixed_point(X, from_tool(m, p, i));
   chain.rod = p[k + kRod];
   return chain;
 }
-template <class T>
-Chain<T> chain(const LinearDelta& m, const PoseT<T>& X, std::span<const T> q, std::span<const T> p, int i) {
+template <class T, class P>
+Chain<T, P> chain(const LinearDelta& m, const PoseT<T>& X, std::span<const T> q, std::span<const P> p, int i) {
   const std::size_t k = kStride * static_cast<std::size_t>(i);
-  Chain<T> chain;
+  Chain<T, P> chain;
   chain.base = vector_at(p, k);
-  chain.arm = vector_at(p, k + 3);
-  for (int j = 0; j < 3; ++j) chain.end[j] = chain.base[j] + q[static_cast<std::size_t>(i)] * chain.arm[j];
-  chain.axis = m.axis[i].cast<T>();
-  chain.platform = X * from_tool(m, p, i);
+  const Vector3<P> rail = vector_at(p, k + 3);
+  chain.arm = rail.template cast<T>();
+  for (int j = 0; j < 3; ++j) chain.end[j] = chain.base[j] + q[static_cast<std::size_t>(i)] * rail[j];
+  chain.axis = m.axis[i].template cast<P>();
+  chain.platform = fixed_point(X, from_tool(m, p, i));
   chain.rod = p[k + kRod];
   return chain;
 }
@@ -133,14 +138,14 @@ inline int rods_of(const Delta& m) {
 
 /// F_i = |X + R (P_i - tool) - S_i(q_i)|^2 - c_i^2, m^2 (KOZ (4.38)), for each chain, and three that hold the platform
 /// parallel to the base as its parallelograms do: the vector of (R - R^T) / 2 = sin(angle) axis = 0.
-template <class M, class T>
+template <class M, class T, class P>
 requires DeltaFamily<M> ClosureVectorT<T> closure(const M& m, const PoseT<T>& X_MT, std::span<const T> q,
-                                                  std::span<const T> p) {
+                                                  std::span<const P> p) {
   ClosureVectorT<T> F(m.arms + 3);
   for (int i = 0; i < m.arms; ++i) {
     const auto chain = delta_detail::chain(m, X_MT, q, p, i);
     const Vector3<T> y = chain.platform - chain.end;
-    F[i] = square(y[0]) + square(y[1]) + square(y[2]) - square(chain.rod);
+    F[i] = square(y[0]) + square(y[1]) + square(y[2]) - T(square(chain.rod));
   }
   for (int k = 0; k < 3; ++k)
     F[m.arms + k] = T(0.5) * (X_MT.R((k + 2) % 3, (k + 1) % 3) - X_MT.R((k + 1) % 3, (k + 2) % 3));

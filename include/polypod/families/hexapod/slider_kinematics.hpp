@@ -4,6 +4,7 @@
 
 #include "polypod/families/hexapod/kinematics.hpp"
 #include "polypod/families/hexapod/slider_machine.hpp"
+#include "polypod/geometry/fixed_point.hpp"
 #include "polypod/kinematics/concept.hpp"
 
 namespace polypod::machine {
@@ -25,33 +26,33 @@ inline Task task(const SliderHexapod&) {
 }
 
 namespace hexapod_detail {
-template <class T>
+template <class T, class P>
 struct SliderLeg {
-  T length;
+  P length;
   Vector3<T> anchor, end;  ///< slider and platform joint in M
 };
-template <class T>
-SliderLeg<T> slider_leg(const PoseT<T>& X, std::span<const T> q, std::span<const T> p, int i) {
+template <class T, class P>
+SliderLeg<T, P> slider_leg(const PoseT<T>& X, std::span<const T> q, std::span<const P> p, int i) {
   const std::size_t k = 10 * static_cast<std::size_t>(i);
-  SliderLeg<T> leg;
+  SliderLeg<T, P> leg;
   leg.length = p[k];
   for (int j = 0; j < 3; ++j) {
     leg.anchor[j] = p[k + 1 + static_cast<std::size_t>(j)] + q[i] * p[k + 4 + static_cast<std::size_t>(j)];
   }
-  const Vector3<T> in_tool(p[k + 7], p[k + 8], T(p[k + 9] - p[60]));
-  leg.end = X * in_tool;
+  const Vector3<P> in_tool(p[k + 7], p[k + 8], P(p[k + 9] - p[60]));
+  leg.end = fixed_point(X, in_tool);
   return leg;
 }
 }  // namespace hexapod_detail
 
 /// F_i = |t + R (b_i - tool z) - a_i - q_i u_i|^2 - l_i^2, m^2 (JEL (3.12), (3.13)).
-template <class T>
-ClosureVectorT<T> closure(const SliderHexapod&, const PoseT<T>& X_MT, std::span<const T> q, std::span<const T> p) {
+template <class T, class P>
+ClosureVectorT<T> closure(const SliderHexapod&, const PoseT<T>& X_MT, std::span<const T> q, std::span<const P> p) {
   ClosureVectorT<T> F(kLegs);
   for (int i = 0; i < kLegs; ++i) {
     const auto leg = hexapod_detail::slider_leg(X_MT, q, p, i);
     const Vector3<T> y = leg.end - leg.anchor;
-    F[i] = square(y[0]) + square(y[1]) + square(y[2]) - square(leg.length);
+    F[i] = square(y[0]) + square(y[1]) + square(y[2]) - T(square(leg.length));
   }
   return F;
 }

@@ -4,6 +4,7 @@
 
 #include "polypod/families/hexapod/kinematics.hpp"
 #include "polypod/families/hexapod/strut_machine.hpp"
+#include "polypod/geometry/fixed_point.hpp"
 #include "polypod/kinematics/concept.hpp"
 
 namespace polypod::machine {
@@ -26,30 +27,32 @@ inline Task task(const StrutHexapod&) {
 
 namespace hexapod_detail {
 /// Leg i of the parameters p of a strut hexapod: zero offset, base joint, platform joint.
-template <class T>
+template <class T, class P>
 struct StrutLeg {
-  T offset;
-  Vector3<T> base, end;  ///< end: the platform joint in M
+  P offset;
+  Vector3<P> base;
+  Vector3<T> end;  ///< the platform joint in M
 };
-template <class T>
-StrutLeg<T> strut_leg(const PoseT<T>& X, std::span<const T> p, int i) {
+template <class T, class P>
+StrutLeg<T, P> strut_leg(const PoseT<T>& X, std::span<const P> p, int i) {
   const std::size_t k = 7 * static_cast<std::size_t>(i);
-  StrutLeg<T> leg;
+  StrutLeg<T, P> leg;
   leg.offset = p[k];
-  leg.base = Vector3<T>(p[k + 1], p[k + 2], p[k + 3]);
-  const Vector3<T> in_tool(p[k + 4], p[k + 5], T(p[k + 6] - p[42]));
-  leg.end = X * in_tool;
+  leg.base = Vector3<P>(p[k + 1], p[k + 2], p[k + 3]);
+  const Vector3<P> in_tool(p[k + 4], p[k + 5], P(p[k + 6] - p[42]));
+  leg.end = fixed_point(X, in_tool);
   return leg;
 }
 }  // namespace hexapod_detail
 
 /// F_i = |t + R (b_i - tool z) - a_i|^2 - (q_i + offset_i)^2, m^2 (JEL (3.6) to (3.10)).
-template <class T>
-ClosureVectorT<T> closure(const StrutHexapod&, const PoseT<T>& X_MT, std::span<const T> q, std::span<const T> p) {
+template <class T, class P>
+ClosureVectorT<T> closure(const StrutHexapod&, const PoseT<T>& X_MT, std::span<const T> q, std::span<const P> p) {
   ClosureVectorT<T> F(kLegs);
   for (int i = 0; i < kLegs; ++i) {
     const auto leg = hexapod_detail::strut_leg(X_MT, p, i);
-    const Vector3<T> y = leg.end - leg.base;
+    Vector3<T> y;
+    for (int k = 0; k < 3; ++k) y[k] = leg.end[k] - leg.base[k];
     F[i] = square(y[0]) + square(y[1]) + square(y[2]) - square(T(q[i] + leg.offset));
   }
   return F;

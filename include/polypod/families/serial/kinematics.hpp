@@ -26,8 +26,8 @@ inline Task task(const SerialArm& arm) {
 }
 namespace serial_detail {
 /// R <- R times a rotation about axis k by an angle of this cosine and sine: its columns i = k + 1 and j = k + 2 turn.
-template <class T>
-void turn_columns(Matrix3<T>& R, int i, int j, const T& c, const T& s) {
+template <class T, class P>
+void turn_columns(Matrix3<T>& R, int i, int j, const P& c, const P& s) {
   for (int k = 0; k < 3; ++k) {
     const T a = R(k, i), b = R(k, j);
     R(k, i) = a * c + b * s;
@@ -35,40 +35,44 @@ void turn_columns(Matrix3<T>& R, int i, int j, const T& c, const T& s) {
   }
 }
 /// X <- X times a motion along axis k.
-template <class T>
-void slide_along(PoseT<T>& X, int k, const T& by) {
+template <class T, class P>
+void slide_along(PoseT<T>& X, int k, const P& by) {
   for (int i = 0; i < 3; ++i) X.p[i] += X.R(i, k) * by;
 }
 }  // namespace serial_detail
 
 /// X_MT(q; p) = X_MB A_1 ... A_n X_FT on any number type; p holds a, alpha, d, theta_offset of each row, SI, and q the
-/// free joints (SLAV (2.13), (2.16)); each_row(X) takes the frame of each row. A_i is a turn about x by alpha after a
-/// move by a, and a turn about z by theta after a move by d: these first where the convention is the standard one.
-/// Cost: 4 sines and cosines and 30 products a row.
-template <class T, class EachRow>
-PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const T> p, EachRow&& each_row) {
+/// free joints (SLAV (2.13), (2.16)), p on the same number type or plain numbers; each_row(X) takes the frame of each
+/// row. A_i is a turn about x by alpha after a move by a, and a turn about z by theta after a move by d: these first
+/// where the convention is the standard one. Cost: 4 sines and cosines and 30 products a row.
+template <class T, class P, class EachRow>
+PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const P> p, EachRow&& each_row) {
   using std::cos, std::sin;
   PoseT<T> X = arm.X_MB.cast<T>();
+  const auto move = [&X](int axis, const auto& by, const auto& angle) {
+    serial_detail::slide_along(X, axis, by);
+    serial_detail::turn_columns(X.R, (axis + 1) % 3, (axis + 2) % 3, std::decay_t<decltype(angle)>(cos(angle)),
+                                std::decay_t<decltype(angle)>(sin(angle)));
+  };
   std::size_t next = 0;
   for (std::size_t i = 0; i < arm.dh.size(); ++i) {
     const DhRow& row = arm.dh[i];
+    const P &a = p[4 * i], &alpha = p[4 * i + 1], &d = p[4 * i + 2], &theta = p[4 * i + 3];
     const T value = row.locked ? T(*row.locked) : q[next++];
-    const bool turns = row.kind == JointKind::revolute;
-    const T a = p[4 * i], alpha = p[4 * i + 1];
-    const T d = turns ? p[4 * i + 2] : T(p[4 * i + 2] + T(row.sign) * value);
-    const T theta = turns ? T(p[4 * i + 3] + T(row.sign) * value) : p[4 * i + 3];
     const bool standard = arm.convention == DhConvention::standard;
-    for (const bool about_z : {standard, !standard}) {
-      const T& angle = about_z ? theta : alpha;
-      serial_detail::slide_along(X, about_z ? 2 : 0, about_z ? d : a);
-      serial_detail::turn_columns(X.R, about_z ? 0 : 1, about_z ? 1 : 2, T(cos(angle)), T(sin(angle)));
+    if (!standard) move(0, a, alpha);
+    if (row.kind == JointKind::revolute) {
+      move(2, d, T(T(theta) + T(row.sign) * value));
+    } else {
+      move(2, T(T(d) + T(row.sign) * value), theta);
     }
+    if (standard) move(0, a, alpha);
     each_row(X);
   }
   return X * arm.X_FT.cast<T>();
 }
-template <class T>
-PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const T> p) {
+template <class T, class P>
+PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const P> p) {
   return chain(arm, q, p, [](const PoseT<T>&) {});
 }
 
@@ -77,8 +81,8 @@ PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const T> p)
 /// x_k and r_k the columns of the two rotations. The second half is sin(angle) times the axis of R_X R(q)^T: zero for
 /// equal rotations (and for half turns, which forward kinematics never meets); its derivative by the rotation vector of
 /// X is the identity at a solution, so A = 1 there and J = -B.
-template <class T>
-ClosureVectorT<T> closure(const SerialArm& arm, const PoseT<T>& X_MT, std::span<const T> q, std::span<const T> p) {
+template <class T, class P>
+ClosureVectorT<T> closure(const SerialArm& arm, const PoseT<T>& X_MT, std::span<const T> q, std::span<const P> p) {
   const PoseT<T> X = chain(arm, q, p);
   ClosureVectorT<T> F(6);
   Vector3<T> turn = Vector3<T>::Zero();
