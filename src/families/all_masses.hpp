@@ -20,9 +20,8 @@ machine::MassParts parts_with_mass(const M& m) {
 }
 
 template <class M, class T>
-std::vector<machine::MassLeg<T>> legs_with_mass(const M& m, const PoseT<T>& X, std::span<const T> q,
-                                                std::span<const T> p) {
-  if constexpr (requires { mass_legs(m, X, q, p); }) return mass_legs(m, X, q, p);
+std::vector<machine::MassLeg<T>> legs_with_mass(const M& m, const PoseT<T>& X, std::span<const T> q) {
+  if constexpr (requires { mass_legs(m, X, q); }) return mass_legs(m, X, q);
   return {};
 }
 

@@ -2,13 +2,13 @@
 // Where the parts of a machine are that have mass. A family answers what it has of these questions, on any number type
 // T (a motion is a power series, what a joint moves a dual number):
 //   MassParts mass_parts(m)                           which parts it has; none without
-//   std::vector<MassLeg<T>> mass_legs(m, X, q, p)     its legs; none without
-//   std::vector<PoseT<T>> mass_links(m, q, p)         the frames of the links that move by themselves, one a row
+//   std::vector<MassLeg<T>> mass_legs(m, X, q)        its legs; none without
+//   std::vector<PoseT<T>> mass_links(m, q)            the frames of the links that move by themselves, one a row
 //   int joint_of_element(m, element)                  which joint moves as an element (`elements`) deflects,
 //                                                     kNoJoint: none
 //   std::string no_masses(m)                          why its masses are not known; empty without
 //   std::span<const AnyMachine> mass_stages(m)        the machines that it is made of, which have the masses;
-//   each_mass_stage(m, X, q, p, take)                 take(k, X_MB, X, q, p): where each of them is and how it stands
+//   each_mass_stage(m, X, q, take)                    take(k, X_MB, X, q): where each of them is and how it stands
 #pragma once
 
 #include <string>

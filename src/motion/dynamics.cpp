@@ -29,111 +29,115 @@ using kinematics::Dual;
 /// Twists, one a column.
 using Columns = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
-/// A mass at a point; or, without weight, the second moment of a body along a vector that turns with it: both have the
-/// kinetic energy mass |v|^2 / 2.
-template <class T>
-struct MassPoint {
-  double mass = 0;
-  Vector3<T> p;
-  bool weighs = true;
-};
-template <class T>
-using MassPoints = std::vector<MassPoint<T>>;
+/// A body by its origin and its three axes, v_0 to v_3:
+///   kinetic energy sum_ij G_ij v_i' . v_j' / 2,  weight m g at the center,  G = [m, m c^T; m c, S + m c c^T]
+/// with the second moments S = tr(I) / 2 - I about its center c (the body's pseudo-inertia: Wensing, Kim and Slotine
+/// 2018). Bodies on one frame add up.
+using BodyMasses = Eigen::Matrix4d;
+BodyMasses masses_of(const Body& body) {
+  BodyMasses G;
+  const Vec3 mc = body.mass * body.center;
+  G << body.mass, mc.transpose(), mc,
+      0.5 * body.inertia.trace() * Mat3::Identity() - body.inertia + mc * body.center.transpose();
+  return G;
+}
 
-/// The center of mass, and the second moments S = tr(I) / 2 - I by the axes and their sums:
-///   sum S_ij r_i r_j^T = sum_i (S_ii - sum_j S_ij) r_i r_i^T + sum_(i < j) S_ij (r_i + r_j) (r_i + r_j)^T.
-template <class T>
-void add_body(const PoseT<T>& X, const Body& body, MassPoints<T>& out) {
-  if (body.mass != 0) out.push_back({body.mass, X * Vector3<T>(body.center.template cast<T>())});
-  const Mat3 S = 0.5 * body.inertia.trace() * Mat3::Identity() - body.inertia;
-  for (int i = 0; i < 3; ++i) {
-    const double own = 2 * S(i, i) - S.row(i).sum();
-    if (own != 0) out.push_back({own, X.R.col(i), false});
-    for (int j = i + 1; j < 3; ++j)
-      if (S(i, j) != 0) out.push_back({S(i, j), X.R.col(i) + X.R.col(j), false});
+/// What lies on a line from a to b, by the vectors v = a, b and the direction e = (b - a) / |b - a|: G as of a body.
+struct LineMasses {
+  Mat3 G = Mat3::Zero();
+
+  /// A mass at an end (0: a, 1: b) and a distance from there along e.
+  void add(int end, double mass, double along = 0) {
+    G(end, end) += mass;
+    G(end, 2) += mass * along;
+    G(2, end) += mass * along;
+    G(2, 2) += mass * square(along);
   }
-}
-
-/// A mass at a distance from the foot of a line along its direction e.
-struct OnLine {
-  double mass = 0, center = 0;
+  /// A uniform rod.
+  void add_rod(double mass) { G.topLeftCorner<2, 2>() += mass / 6 * Eigen::Matrix2d{{2, 1}, {1, 2}}; }
+  [[nodiscard]] bool turns() const { return !G.col(2).isZero(0); }
+  /// What weighs at each vector: the line moved as a whole moves a and b, not e.
+  [[nodiscard]] Vec3 weight() const { return G.col(0) + G.col(1); }
 };
+
 template <class T>
-void add_on_line(const Vector3<T>& foot, const Vector3<T>& e, const OnLine& half, MassPoints<T>& out) {
-  if (half.mass == 0) return;
-  MassPoint<T> point{half.mass, foot};
-  for (int k = 0; k < 3; ++k) point.p[k] += T(half.center) * e[k];
-  out.push_back(point);
+using Vectors = Eigen::Matrix<T, 3, Eigen::Dynamic, Eigen::ColMajor, 3, 4>;
+
+/// Origin and axes.
+template <class T>
+Vectors<T> vectors_of(const PoseT<T>& X) {
+  Vectors<T> out(3, 4);
+  out << X.p, X.R;
+  return out;
 }
+/// a, b and, where masses hang on it, e.
 template <class T>
-Vector3<T> direction(const Vector3<T>& from, const Vector3<T>& to) {
-  Vector3<T> e = to - from;
-  const T scale = T(1.0) / sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
-  for (int k = 0; k < 3; ++k) e[k] *= scale;
-  return e;
+Vectors<T> vectors_of(const Vector3<T>& a, const Vector3<T>& b, const LineMasses& masses) {
+  Vectors<T> out(3, 3);
+  out.col(0) = a;
+  out.col(1) = b;
+  out.col(2).setConstant(T(0.0));
+  if (!masses.turns()) return out;
+  const Vector3<T> y = b - a;
+  const T scale = T(1.0) / sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]);
+  for (int k = 0; k < 3; ++k) out(k, 2) = y[k] * scale;
+  return out;
 }
 
-/// A uniform rod: Simpson's rule has its mass, center and inertia.
-template <class T>
-void add_rod(const Vector3<T>& a, const Vector3<T>& b, double mass, MassPoints<T>& out) {
-  if (mass == 0) return;
-  out.push_back({mass / 6, a});
-  out.push_back({mass / 6, b});
-  MassPoint<T> middle{2 * mass / 3, a + b};
-  for (int k = 0; k < 3; ++k) middle.p[k] *= T(0.5);
-  out.push_back(middle);
-}
-
-/// Every mass point at a pose and joints.
-template <class M, class T>
-MassPoints<T> points_of(const M& m, const Dynamics& d, const PoseT<T>& X, std::span<const T> q, std::span<const T> p) {
-  MassPoints<T> out;
-  constexpr std::size_t kMost = 64;
-  out.reserve(kMost);
+/// Every part with mass at a pose and joints: take.body(X, masses), take.line(a, b, masses). What stands on a base that
+/// moves is given with it (null: M).
+template <class M, class T, class Take>
+void each_part(const M& m, const Dynamics& d, const PoseT<T>& X, std::span<const T> q, const PoseT<T>* base,
+               Take& take) {
   if constexpr (requires { mass_stages(m); }) {
-    each_mass_stage(m, X, q, p,
-                    [&](std::size_t k, const PoseT<T>& base, const PoseT<T>& tool, std::span<const T> joints,
-                        std::span<const T> own) {
+    each_mass_stage(m, X, q,
+                    [&](std::size_t k, const PoseT<T>& own_base, const PoseT<T>& tool, std::span<const T> joints) {
                       if (k >= d.stages.size()) return;
-                      const auto take = [&](const auto& stage) {
-                        return points_of(stage, d.stages[k], tool, joints, own);
-                      };
-                      for (MassPoint<T>& point : std::visit(take, mass_stages(m)[k])) {
-                        point.p = point.weighs ? base * point.p : product<T, 1>(base.R, point.p);
-                        out.push_back(std::move(point));
-                      }
+                      const PoseT<T> moved = base != nullptr ? *base * own_base : own_base;
+                      std::visit([&](const auto& stage) { each_part(stage, d.stages[k], tool, joints, &moved, take); },
+                                 mass_stages(m)[k]);
                     });
   }
-  if (d.platform) add_body(X, *d.platform, out);
-  if (d.payload) add_body(X, *d.payload, out);
-  if constexpr (requires { mass_links(m, q, p); }) {
+  const auto body = [&](const PoseT<T>& frame, const BodyMasses& masses) {
+    take.body(base != nullptr ? *base * frame : frame, masses);
+  };
+  const auto line = [&](const Vector3<T>& a, const Vector3<T>& b, const LineMasses& masses) {
+    if (masses.G.isZero(0)) return;
+    if (base != nullptr) return take.line(*base * a, *base * b, masses);
+    take.line(a, b, masses);
+  };
+  if (d.platform || d.payload) {
+    body(X, masses_of(d.platform.value_or(Body{})) + masses_of(d.payload.value_or(Body{})));
+  }
+  if constexpr (requires { mass_links(m, q); }) {
     if (!d.links.empty()) {
-      const std::vector<PoseT<T>> frames = mass_links(m, q, p);
+      const std::vector<PoseT<T>> frames = mass_links(m, q);
       for (std::size_t row = 0; row < d.links.size(); ++row)
-        if (d.links[row]) add_body(frames[row], *d.links[row], out);
+        if (d.links[row]) body(frames[row], masses_of(*d.links[row]));
     }
   }
-  const bool legs = d.strut_fixed != 0 || d.strut_moving != 0 || d.strut_fixed_inertia != 0 ||
-                    d.strut_moving_inertia != 0 || d.rod != 0 || d.slider != 0 || d.arm != 0 || d.arm_inertia != 0;
-  if (!legs) return out;
-  for (const machine::MassLeg<T>& leg : legs_with_mass(m, X, q, p)) {
+  LineMasses strut, rod, arm;
+  strut.add(0, d.strut_fixed, d.strut_fixed_center);
+  strut.add(1, d.strut_moving, -d.strut_moving_center);
+  strut.G(2, 2) += d.strut_fixed_inertia + d.strut_moving_inertia;
+  rod.add_rod(d.rod);
+  arm.add(0, d.arm, d.arm_center);
+  arm.G(2, 2) = d.arm_inertia;  // about the pivot
+  LineMasses rail = rod;
+  rail.add(0, d.slider);
+  if (strut.G.isZero(0) && arm.G.isZero(0) && rail.G.isZero(0)) return;
+  for (const machine::MassLeg<T>& leg : legs_with_mass(m, X, q)) {
     if (leg.strut) {
-      const Vector3<T> e = direction(leg.fixed, leg.platform);
-      add_on_line(leg.fixed, e, {d.strut_fixed, d.strut_fixed_center}, out);
-      add_on_line(leg.platform, e, {d.strut_moving, -d.strut_moving_center}, out);
-      const double across = d.strut_fixed_inertia + d.strut_moving_inertia;
-      if (across != 0) out.push_back({across, e, false});
+      line(leg.fixed, leg.platform, strut);
       continue;
     }
-    add_rod(leg.driven, leg.platform, d.rod, out);
-    if (leg.rail && d.slider != 0) out.push_back({d.slider, leg.driven});
-    if (leg.crank && (d.arm != 0 || d.arm_inertia != 0)) {
-      const Vector3<T> e = direction(leg.fixed, leg.driven);
-      add_on_line(leg.fixed, e, {d.arm, d.arm_center}, out);
-      out.push_back({d.arm_inertia - d.arm * square(d.arm_center), e, false});
-    }
+    line(leg.driven, leg.platform, leg.rail ? rail : rod);
+    if (leg.crank) line(leg.fixed, leg.driven, arm);
   }
-  return out;
+}
+template <class M, class T, class Take>
+void each_part(const M& m, const Dynamics& d, const PoseT<T>& X, std::span<const T> q, Take&& take) {
+  each_part(m, d, X, q, static_cast<const PoseT<T>*>(nullptr), take);
 }
 
 double of_drive(const std::vector<double>& values, Eigen::Index i) {
@@ -141,13 +145,12 @@ double of_drive(const std::vector<double>& values, Eigen::Index i) {
   return values[values.size() == 1 ? 0 : static_cast<std::size_t>(i)];
 }
 
-/// visit(first, count, points) for the columns of J, six a pass: points on dual numbers, whose part j is the derivative
-/// by column first + j. A column is a twist of the tool at which the joint of that number moves with it (-1: none).
-template <class M, class Visit>
-void each_rate(const M& m, const Dynamics& d, const Pose& X, const JointVector& q, const Eigen::Ref<const Columns>& J,
-               std::span<const int> joint, Visit&& visit) {
-  const std::vector<double> nominal = kinematics::nominal_parameters(m);
-  const std::vector<Dual> p(nominal.begin(), nominal.end());
+/// visit(first, count, X, q) for the columns of J, six a pass: pose and joints on dual numbers, whose part j is the
+/// derivative by column first + j. A column is a twist of the tool at which the joint of that number moves with it (-1:
+/// none).
+template <class Visit>
+void each_rate(const Pose& X, const JointVector& q, const Eigen::Ref<const Columns>& J, std::span<const int> joint,
+               Visit&& visit) {
   std::vector<Dual> joints(q.data(), q.data() + q.size());
   for (Eigen::Index first = 0; first < J.cols(); first += 6) {
     const Eigen::Index count = std::min<Eigen::Index>(6, J.cols() - first);
@@ -162,7 +165,7 @@ void each_rate(const M& m, const Dynamics& d, const Pose& X, const JointVector& 
       const int moves = joint[static_cast<std::size_t>(first + j)];
       if (moves >= 0) joints[static_cast<std::size_t>(moves)].v[j] = 1;
     }
-    visit(first, count, points_of(m, d, moved, std::span<const Dual>(joints), std::span<const Dual>(p)));
+    visit(first, count, moved, std::span<const Dual>(joints));
     for (Dual& value : joints) value.v.setZero();
   }
 }
@@ -173,13 +176,100 @@ std::span<const int> all_joints(Eigen::Index n) {
   return std::span<const int>(kEach).first(static_cast<std::size_t>(n));
 }
 
-template <class M>
-MassPoints<Series> moving_points(const M& m, const Dynamics& d, const JointSeries& s) {
-  const std::vector<double> nominal = kinematics::nominal_parameters(m);
-  const std::vector<Series> p(nominal.begin(), nominal.end());
-  std::vector<Series> q;
-  for (Eigen::Index i = 0; i < s.q.size(); ++i) q.emplace_back(s.q[i], s.first[i], s.second[i], s.third[i]);
-  return points_of(m, d, s.X, std::span<const Series>(q), std::span<const Series>(p));
+std::vector<Series> joints_of(const JointSeries& s) {
+  std::vector<Series> out;
+  out.reserve(static_cast<std::size_t>(s.q.size()));
+  for (Eigen::Index i = 0; i < s.q.size(); ++i) out.emplace_back(s.q[i], s.first[i], s.second[i], s.third[i]);
+  return out;
+}
+
+/// The derivative of this order, of numbers on series.
+template <int Rows, int Columns>
+Eigen::Matrix<double, Rows, Columns> derivative(const Eigen::Matrix<Series, Rows, Columns>& of, int order) {
+  Eigen::Matrix<double, Rows, Columns> out;
+  for (Eigen::Index k = 0; k < out.size(); ++k) out(k) = of(k).derivative(order);
+  return out;
+}
+
+/// The forces that move each part as it moves, against its weight: of bodies on their origin and axes, of lines on
+/// their ends, part after part.
+class Forces {
+ public:
+  explicit Forces(const Vec3& gravity) : gravity_(gravity) { forces_.reserve(kMost); }
+
+  void body(const PoseT<Series>& X, const BodyMasses& masses) {
+    Eigen::Matrix<double, 3, 4> a;
+    a << derivative(X.p, 2), derivative(X.R, 2);
+    const Eigen::Matrix<double, 3, 4> f = a * masses - gravity_ * masses.row(0);
+    for (int i = 0; i < 4; ++i) forces_.emplace_back(f.col(i));
+  }
+  /// A force on e turns the line by its part across e.
+  void line(const Vector3<Series>& a, const Vector3<Series>& b, const LineMasses& masses) {
+    Mat3 acceleration;
+    acceleration << derivative(a, 2), derivative(b, 2), Vec3::Zero();
+    Vec3 e = Vec3::Zero();
+    double length = 1;
+    if (masses.turns()) {
+      // y = l e: y'' = l e'' + 2 l' e' + l'' e, and e . e = 1
+      const Vector3<Series> y = b - a;
+      const Vec3 v = derivative(y, 1), w = acceleration.col(1) - acceleration.col(0);
+      e = derivative(y, 0);
+      length = e.norm();
+      e /= length;
+      const double along = e.dot(v);
+      const Vec3 rate = (v - along * e) / length;
+      acceleration.col(2) = (w - e.dot(w) * e - 2 * along * rate) / length - rate.squaredNorm() * e;
+    }
+    const Mat3 f = acceleration * masses.G - gravity_ * masses.weight().transpose();
+    const Vec3 couple = (f.col(2) - e.dot(f.col(2)) * e) / length;
+    forces_.emplace_back(f.col(0) - couple);
+    forces_.emplace_back(f.col(1) + couple);
+  }
+  [[nodiscard]] const std::vector<Vec3>& all() const { return forces_; }
+
+ private:
+  static constexpr std::size_t kMost = 64;
+  Vec3 gravity_;
+  std::vector<Vec3> forces_;
+};
+
+/// Their work for a unit of each of six motions.
+class Work {
+ public:
+  explicit Work(const std::vector<Vec3>& forces) : next_(forces.begin()) {}
+
+  void body(const PoseT<Dual>& X, const BodyMasses&) {
+    add(X.p);
+    for (int i = 0; i < 3; ++i) add(X.R.col(i));
+  }
+  void line(const Vector3<Dual>& a, const Vector3<Dual>& b, const LineMasses&) {
+    add(a);
+    add(b);
+  }
+  [[nodiscard]] const Vec6& sum() const { return sum_; }
+
+ private:
+  template <class Moved>
+  void add(const Moved& moved) {
+    const Vec3& f = *next_++;
+    sum_ += f[0] * moved[0].v + f[1] * moved[1].v + f[2] * moved[2].v;
+  }
+  std::vector<Vec3>::const_iterator next_;
+  Vec6 sum_ = Vec6::Zero();
+};
+
+/// take(vectors, G, weight) for each part, lines with their direction.
+template <class T, class Take>
+struct OfVectors {
+  Take take;
+  void body(const PoseT<T>& X, const BodyMasses& masses) { take(vectors_of(X), masses, masses.col(0)); }
+  void line(const Vector3<T>& a, const Vector3<T>& b, const LineMasses& masses) {
+    take(vectors_of(a, b, masses), masses.G, masses.weight());
+  }
+};
+template <class T, class M, class Take>
+void each_mass(const M& m, const Dynamics& d, const PoseT<T>& X, std::span<const T> q, Take&& take) {
+  each_part(m, d, X, q, OfVectors<T, Take&>{take});
 }
 
 Result<Body> body_of(const config::Table& given) {
@@ -562,17 +652,14 @@ JointVector drive_forces(const AnyMachine& machine, const Dynamics& d, const Joi
   JointVector tau = JointVector::Zero(motion.q.size());
   std::visit(
       [&](const auto& m) {
-        const MassPoints<Series> points = moving_points(m, d, motion);
-        each_rate(m, d, X, motion.q, J, all_joints(motion.q.size()),
-                  [&](Eigen::Index first, Eigen::Index count, const MassPoints<Dual>& rates) {
-                    Vec6 sum = Vec6::Zero();
-                    for (std::size_t k = 0; k < points.size(); ++k) {
-                      for (int i = 0; i < 3; ++i) {
-                        const double g = points[k].weighs ? d.gravity[i] : 0;
-                        sum += points[k].mass * (points[k].p[i].derivative(2) - g) * rates[k].p[i].v;
-                      }
-                    }
-                    tau.segment(first, count) += sum.head(count);
+        const std::vector<Series> joints = joints_of(motion);
+        Forces forces(d.gravity);
+        each_part(m, d, motion.X, std::span<const Series>(joints), forces);
+        each_rate(X, motion.q, J, all_joints(motion.q.size()),
+                  [&](Eigen::Index first, Eigen::Index count, const PoseT<Dual>& moved, std::span<const Dual> q) {
+                    Work work(forces.all());
+                    each_part(m, d, moved, q, work);
+                    tau.segment(first, count) = work.sum().head(count);
                   });
       },
       machine);
@@ -585,30 +672,47 @@ JointVector drive_forces(const AnyMachine& machine, const Dynamics& d, const Joi
 }
 
 namespace {
-/// Sum of m (dP/dx)^T dP/dx over the mass points.
+/// Sum of G_ij (dv_i/dx)^T dv_j/dx over the parts.
 Eigen::MatrixXd mass_by(const AnyMachine& machine, const Dynamics& d, const Pose& X, const JointVector& q,
                         const Eigen::Ref<const Columns>& J, std::span<const int> joint) {
-  const auto columns = static_cast<Eigen::Index>(J.cols());
-  Eigen::MatrixXd roots;  // sqrt(|mass|) dP/dx, three rows a point
-  Eigen::VectorXd sign;
+  using Rates = Eigen::Matrix<double, 3, 6>;
+  const Eigen::Index columns = J.cols();
+  std::vector<Rates> rates;     // dv_i/dx of all parts, pass after pass
+  std::vector<Rates> momentum;  // sum_j G_ij dv_j/dx
+  std::size_t passes = 0;
   std::visit(
       [&](const auto& m) {
-        each_rate(m, d, X, q, J, joint, [&](Eigen::Index first, Eigen::Index count, const MassPoints<Dual>& rates) {
-          const auto rows = 3 * static_cast<Eigen::Index>(rates.size());
-          if (first == 0) {
-            roots.resize(rows, columns);
-            sign.resize(rows);
-          }
-          for (Eigen::Index row = 0; row < rows; ++row) {
-            const MassPoint<Dual>& point = rates[static_cast<std::size_t>(row / 3)];
-            sign[row] = point.mass < 0 ? -1 : 1;
-            roots.block(row, first, 1, count) =
-                std::sqrt(std::abs(point.mass)) * point.p[row % 3].v.head(count).transpose();
-          }
-        });
+        each_rate(X, q, J, joint,
+                  [&](Eigen::Index, Eigen::Index, const PoseT<Dual>& moved, std::span<const Dual> joints) {
+                    ++passes;
+                    each_mass(m, d, moved, joints, [&](const auto& vectors, const auto& G, const auto&) {
+                      const std::size_t own = rates.size();
+                      for (Eigen::Index i = 0; i < vectors.cols(); ++i) {
+                        Rates& rate = rates.emplace_back();
+                        for (int k = 0; k < 3; ++k) rate.row(k) = vectors(k, i).v.transpose();
+                      }
+                      for (Eigen::Index i = 0; i < vectors.cols(); ++i) {
+                        Rates& sum = momentum.emplace_back(Rates::Zero());
+                        for (Eigen::Index j = 0; j < vectors.cols(); ++j)
+                          sum += G(i, j) * rates[own + static_cast<std::size_t>(j)];
+                      }
+                    });
+                  });
       },
       machine);
-  return roots.transpose() * sign.asDiagonal() * roots;
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(columns, columns);
+  const std::size_t vectors = passes == 0 ? 0 : rates.size() / passes;
+  for (std::size_t a = 0; a < passes; ++a) {
+    for (std::size_t b = 0; b < passes; ++b) {
+      Mat6 sum = Mat6::Zero();
+      for (std::size_t k = 0; k < vectors; ++k) sum += rates[a * vectors + k].transpose() * momentum[b * vectors + k];
+      const auto row = static_cast<Eigen::Index>(6 * a), column = static_cast<Eigen::Index>(6 * b);
+      const Eigen::Index rows = std::min<Eigen::Index>(6, columns - row),
+                         count = std::min<Eigen::Index>(6, columns - column);
+      out.block(row, column, rows, count) = sum.topLeftCorner(rows, count);
+    }
+  }
+  return out;
 }
 }  // namespace
 
@@ -622,15 +726,16 @@ Energy energy_of(const AnyMachine& machine, const Dynamics& d, const JointSeries
   Energy out;
   std::visit(
       [&](const auto& m) {
-        for (const MassPoint<Series>& point : moving_points(m, d, motion)) {
-          Vec3 p, v;
-          for (int i = 0; i < 3; ++i) {
-            p[i] = point.p[i].value();
-            v[i] = point.p[i].derivative(1);
-          }
-          out.kinetic += 0.5 * point.mass * v.squaredNorm();
-          if (point.weighs) out.potential -= point.mass * d.gravity.dot(p);
-        }
+        const std::vector<Series> joints = joints_of(motion);
+        each_mass(m, d, motion.X, std::span<const Series>(joints),
+                  [&](const auto& vectors, const auto& G, const auto& weight) {
+                    for (Eigen::Index i = 0; i < vectors.cols(); ++i) {
+                      const Vec3 v = derivative<3, 1>(vectors.col(i), 1);
+                      for (Eigen::Index j = 0; j < vectors.cols(); ++j)
+                        out.kinetic += 0.5 * G(i, j) * v.dot(derivative<3, 1>(vectors.col(j), 1));
+                      out.potential -= weight[i] * d.gravity.dot(derivative<3, 1>(vectors.col(i), 0));
+                    }
+                  });
       },
       machine);
   for (Eigen::Index j = 0; j < motion.q.size(); ++j) {
@@ -723,11 +828,13 @@ Vec6 weight_twist(const AnyMachine& machine, const Dynamics& d, const Pose& X, c
   Eigen::VectorXd weight = Eigen::VectorXd::Zero(soft.root.size());
   std::visit(
       [&](const auto& m) {
-        each_rate(m, d, soft.X_MT, q, soft.J, soft.joint,
-                  [&](Eigen::Index first, Eigen::Index count, const MassPoints<Dual>& rates) {
-                    for (const MassPoint<Dual>& point : rates)
-                      for (int i = 0; point.weighs && i < 3; ++i)
-                        weight.segment(first, count) += point.mass * d.gravity[i] * point.p[i].v.head(count);
+        each_rate(soft.X_MT, q, soft.J, soft.joint,
+                  [&](Eigen::Index first, Eigen::Index count, const PoseT<Dual>& moved, std::span<const Dual> joints) {
+                    each_mass(m, d, moved, joints, [&](const auto& vectors, const auto&, const auto& own) {
+                      for (Eigen::Index i = 0; i < vectors.cols(); ++i)
+                        for (int k = 0; k < 3; ++k)
+                          weight.segment(first, count) += own[i] * d.gravity[k] * vectors(k, i).v.head(count);
+                    });
                   });
       },
       machine);

@@ -67,10 +67,11 @@ std::string to_toml(const Dynamics& dynamics, std::optional<double> damping_rati
 std::string no_dynamics(const AnyMachine& machine);
 
 /// The forces (N) and torques (Nm) of the drives, positive where they push towards larger q, by virtual work:
-///   tau_j = sum_k m_k dP_k/dq_j . (P_k'' - g) + I_j q_j'' + friction,
-/// over mass points P_k(X, q) that have mass, center and inertia of every body. dP_k/dq_j follows the closure (the
-/// twist of the tool is J_j), and P_k'' is that of the power series of the motion. `motion`: against time. Exact to
-/// rounding. Cost: 3 to 5 us with the masses of every leg or link (bench/motion_bench, forces/*).
+///   tau_j = sum_k dv_k/dq_j . f_k + I_j q_j'' + friction,  f_k = sum_l G_kl v_l'' - w_k g,
+/// over the vectors v_k(X, q) that masses hang on: origin and axes of a body, ends and direction of a line, with the
+/// masses G by pairs of them and w by their weight. dv_k/dq_j follows the closure (the twist of the tool is J_j), and
+/// v_k'' is that of the power series of the motion. `motion`: against time. Exact to rounding. Cost: 1 us with the
+/// masses of every leg, 1.7 us with those of five links (bench/motion_bench, forces/*).
 JointVector drive_forces(const AnyMachine& machine, const Dynamics& dynamics, const JointSeries& motion);
 
 /// M(q) of T = 1/2 q'^T M q', at a pose that the machine has.
@@ -89,8 +90,8 @@ std::vector<double> natural_frequencies(const AnyMachine& machine, const Dynamic
                                         const JointVector& q);
 
 /// The twist of the tool (m, rad, in M) by the weight of what moves, its drives held at q and its elements yielding
-/// (kinematics::elements): for the compliances c_e, the twist J_e of the tool and the way dP_k/dx_e of the mass points,
-///   sum_e J_e c_e sum_k m_k dP_k/dx_e . g.
+/// (kinematics::elements): for the compliances c_e, the twist J_e of the tool and the way dv_k/dx_e of what weighs (drive_forces),
+///   sum_e J_e c_e sum_k w_k dv_k/dx_e . g.
 /// What hangs on locked joints pulls at the drives alone. In first order: the change of the weights' levers by the
 /// deflection is left out. Zero where the machine has no compliances or no masses. Cost: as natural_frequencies.
 Vec6 weight_twist(const AnyMachine& machine, const Dynamics& dynamics, const Pose& X, const JointVector& q);

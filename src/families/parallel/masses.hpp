@@ -5,6 +5,7 @@
 
 #include "../masses.hpp"
 #include "polypod/families/parallel/kinematics.hpp"
+#include "polypod/geometry/fixed_point.hpp"
 
 namespace polypod::machine {
 
@@ -20,7 +21,7 @@ inline MassParts mass_parts(const Parallel& m) {
 }
 
 template <class T>
-std::vector<MassLeg<T>> mass_legs(const Parallel& m, const PoseT<T>& X, std::span<const T> q, std::span<const T>) {
+std::vector<MassLeg<T>> mass_legs(const Parallel& m, const PoseT<T>& X, std::span<const T> q) {
   std::vector<MassLeg<T>> out;
   out.reserve(m.legs.size());
   std::size_t drive = 0;
@@ -57,7 +58,7 @@ std::vector<MassLeg<T>> mass_legs(const Parallel& m, const PoseT<T>& X, std::spa
         line.platform[k] = X.p[k] + X.R(k, 0) * local[0] + X.R(k, 1) * local[1] + X.R(k, 2) * local[2];
       }
     } else {
-      line.platform = X * Vector3<T>((leg.platform - m.tool).template cast<T>());
+      line.platform = fixed_point(X, Vec3(leg.platform - m.tool));
       for (int k = 0; k < 3; ++k) line.platform[k] += T(leg.still[k]);
     }
     out.push_back(line);

@@ -15,10 +15,11 @@ inline MassParts mass_parts(const SerialArm& m) {
   return out;
 }
 template <class T>
-std::vector<PoseT<T>> mass_links(const SerialArm& m, std::span<const T> q, std::span<const T> p) {
+std::vector<PoseT<T>> mass_links(const SerialArm& m, std::span<const T> q) {
   std::vector<PoseT<T>> out;
   out.reserve(m.dh.size());
-  chain(m, q, p, [&](const PoseT<T>& X) { out.push_back(X); });
+  const std::vector<double> p = parameter_values(m);
+  chain(m, q, std::span<const double>(p), [&](const PoseT<T>& X) { out.push_back(X); });
   return out;
 }
 /// Elements are the rows; a joint moves as its row deflects.
