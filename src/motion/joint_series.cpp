@@ -8,6 +8,7 @@
 #include <cmath>
 #include <vector>
 
+#include "../families/quick_series.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/families.hpp"
 #include "polypod/motion/driven_series.hpp"
@@ -279,8 +280,37 @@ Unknowns coefficients_of(const M& m, const PoseSeries& X, const std::vector<Seri
   return coefficients_by_differences(m, X, q, p_dual, order);
 }
 
+constexpr double kSingular = 1e-12;
+
+void take_derivatives(const Eigen::Ref<const machine::JointVectorT<Series>>& q, JointSeries& out) {
+  const Eigen::Index n = q.size();
+  out.first = out.second = out.third = JointVector::Zero(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    out.first[i] = q[i].derivative(1);
+    out.second[i] = q[i].derivative(2);
+    out.third[i] = q[i].derivative(3);
+  }
+}
+
+/// By the family's closed form.
+template <class M>
+JointSeries quick_series_of(const M& m, const PoseSeries& target, const Pose& at, const JointVector& q) {
+  machine::QuickSeries quick = quick_series(m, target, at, q);
+  JointSeries out;
+  out.q = q;
+  out.X = quick.X;
+  out.pivot = quick.pivot;
+  out.regular = out.pivot > kSingular;
+  if (!out.regular) quick.q.setConstant(Series(0.0));
+  take_derivatives(quick.q, out);
+  return out;
+}
+
 template <class M>
 JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, const JointVector& q, bool differences) {
+  if constexpr (requires { quick_series(m, target, at, q); }) {
+    if (!differences) return quick_series_of(m, target, at, q);
+  }
   const Task what = task(m);
   const std::vector<double> p = kinematics::nominal_parameters(m);
   const Parameters<M, Dual> p_dual(p.begin(), p.end());
@@ -305,7 +335,6 @@ JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, cons
     const auto pivots = any.matrixT().diagonal().head(std::min(K.rows(), K.cols())).cwiseAbs();
     out.pivot = any.rank() < std::min(K.rows(), K.cols()) ? 0 : pivots.minCoeff() / pivots.maxCoeff();
   }
-  constexpr double kSingular = 1e-12;
   out.regular = out.pivot > kSingular;
   Vector3<Series> v = Vector3<Series>::Zero(), w = v;
   std::vector<Series> q_series(joints.begin(), joints.end());
@@ -338,13 +367,7 @@ JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, cons
   out.X = pose();
   for (int k = 0; k < 3; ++k)
     if (what.holds(static_cast<Coordinate>(k))) out.X.p[k] = target.p[k];  // without the rounding of the system
-  out.first = out.second = out.third = JointVector::Zero(n);
-  for (int i = 0; i < n; ++i) {
-    const Series& s = q_series[static_cast<std::size_t>(i)];
-    out.first[i] = s.derivative(1);
-    out.second[i] = s.derivative(2);
-    out.third[i] = s.derivative(3);
-  }
+  take_derivatives(Eigen::Map<const machine::JointVectorT<Series>>(q_series.data(), n), out);
   return out;
 }
 
@@ -363,7 +386,6 @@ JointSeries driven_series_of(const M& m, const Pose& at, const JointVector& q, c
   const Eigen::ColPivHouseholderQR<System> solver{System(A)};
   const auto pivots = solver.matrixR().diagonal().cwiseAbs();
   out.pivot = pivots.minCoeff() / pivots.maxCoeff();
-  constexpr double kSingular = 1e-12;
   out.regular = A.rows() >= 6 && out.pivot > kSingular;
   Vector3<Series> v = Vector3<Series>::Zero(), w = v;
   std::vector<Series> q_series;

@@ -90,7 +90,8 @@ std::vector<double> natural_frequencies(const AnyMachine& machine, const Dynamic
                                         const JointVector& q);
 
 /// The twist of the tool (m, rad, in M) by the weight of what moves, its drives held at q and its elements yielding
-/// (kinematics::elements): for the compliances c_e, the twist J_e of the tool and the way dv_k/dx_e of what weighs (drive_forces),
+/// (kinematics::elements): for the compliances c_e, the twist J_e of the tool and the way dv_k/dx_e of what weighs w_k
+/// (drive_forces),
 ///   sum_e J_e c_e sum_k w_k dv_k/dx_e . g.
 /// What hangs on locked joints pulls at the drives alone. In first order: the change of the weights' levers by the
 /// deflection is left out. Zero where the machine has no compliances or no masses. Cost: as natural_frequencies.
