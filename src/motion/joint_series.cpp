@@ -141,11 +141,6 @@ template <class M>
 System closure_columns(const M& m, int first, const Pose& at, const JointVector& joints, const Parameters<M, Dual>& p) {
   const int twist = 6 - first, columns = twist + static_cast<int>(joints.size());
   System K;
-  if constexpr (requires { closure_is_pose_error(m); }) {
-    K.resize(6, columns);
-    K << Mat6::Identity().rightCols(twist), -jacobian(m, at, joints);
-    return K;
-  }
   std::vector<Dual> q(joints.data(), joints.data() + joints.size());
   PoseT<Dual> X = moved_from(first, at);
   for (int pass = 0; pass < columns; pass += 6) {
@@ -253,23 +248,6 @@ Unknowns coefficients_by_differences(const M& m, const PoseSeries& X, const std:
   return order == 2 ? Unknowns(sum / (2 * h)) : Unknowns(sum / (6 * h * h));
 }
 
-/// The speed of a pose: what the pose error of a chain that stands still begins with.
-Vec6 first_twist(const PoseSeries& X) {
-  Mat3 R, rate;
-  Vec6 out;
-  for (int i = 0; i < 3; ++i) {
-    out[i] = X.p[i][1];
-    for (int j = 0; j < 3; ++j) {
-      R(i, j) = X.R(i, j)[0];
-      rate(i, j) = X.R(i, j)[1];
-    }
-  }
-  const Mat3 W = rate * R.transpose();
-  out.tail<3>() << W(2, 1) - W(1, 2), W(0, 2) - W(2, 0), W(1, 0) - W(0, 1);
-  out.tail<3>() *= 0.5;
-  return out;
-}
-
 /// By series where the closure takes them.
 template <class M>
 Unknowns coefficients_of(const M& m, const PoseSeries& X, const std::vector<Series>& q, const Parameters<M, Series>& p,
@@ -292,6 +270,73 @@ void take_derivatives(const Eigen::Ref<const machine::JointVectorT<Series>>& q, 
   }
 }
 
+/// K y = r, by least squares or the shortest y where K is not square.
+class Solver {
+ public:
+  explicit Solver(System K) : scale_(scale_rows(K)), is_square_(K.rows() == K.cols()) {
+    if (is_square_) {
+      square_.compute(K);
+      const auto pivots = square_.matrixLU().diagonal().cwiseAbs();
+      pivot_ = pivots.minCoeff() / pivots.maxCoeff();
+    } else {
+      any_.compute(K);
+      const Eigen::Index full = std::min(K.rows(), K.cols());
+      const auto pivots = any_.matrixT().diagonal().head(full).cwiseAbs();
+      pivot_ = any_.rank() < full ? 0 : pivots.minCoeff() / pivots.maxCoeff();
+    }
+  }
+  [[nodiscard]] Unknowns solve(const Unknowns& r) const {
+    const Unknowns right = scale_.cwiseProduct(r);
+    return is_square_ ? Unknowns(square_.solve(right)) : Unknowns(any_.solve(right));
+  }
+  /// The smallest against the largest.
+  [[nodiscard]] double pivot() const { return pivot_; }
+
+ private:
+  Unknowns scale_;
+  bool is_square_;
+  Eigen::FullPivLU<System> square_;
+  Eigen::CompleteOrthogonalDecomposition<System> any_;
+  double pivot_ = 0;
+};
+
+/// Of a chain, whose pose X(q) its joints say: T_X J y_k = -(coefficient k of T(X(q), target) by the lower orders).
+template <class M>
+JointSeries chain_series_of(const M& m, const PoseSeries& target, const Pose& at, const JointVector& q) {
+  const Task what = task(m);
+  const std::vector<double> p = kinematics::nominal_parameters(m);
+  const machine::JacobianMatrix J = jacobian(m, at, q);
+  const auto rates = task_equations(what, moved_from(0, at), value_of(target).cast<Dual>(), at, 0);
+  System K(rates.size(), q.size());
+  for (int i = 0; i < rates.size(); ++i) K.row(i) = rates[i].v.transpose() * J;
+  const Solver solver(K);
+  JointSeries out;
+  out.q = q;
+  out.X = at.cast<Series>();
+  out.pivot = solver.pivot();
+  out.regular = out.pivot > kSingular;
+  machine::JointVectorT<Series> joints = q.cast<Series>();
+  for (int order = 1; order <= Series::kOrder && out.regular; ++order) {
+    if (order > 1) out.X = chain(m, std::span<const Series>(joints.data(), joints.size()), std::span(p));
+    const auto T = task_equations(what, out.X, target, at, 0);
+    Unknowns r(T.size());
+    for (int i = 0; i < T.size(); ++i) r[i] = -T[i][order];
+    const Unknowns y = solver.solve(r);
+    out.regular = y.allFinite();
+    for (Eigen::Index i = 0; i < q.size(); ++i) joints[i][order] = y[i];
+    const Vec6 twist = J * y;
+    const Mat3 turn = skew(Vec3(twist.tail<3>())) * at.R;
+    for (int i = 0; i < 3; ++i) {
+      out.X.p[i][order] += twist[i];
+      for (int j = 0; j < 3; ++j) out.X.R(i, j)[order] += turn(i, j);
+    }
+  }
+  for (int k = 0; k < 3; ++k)
+    if (what.holds(static_cast<Coordinate>(k))) out.X.p[k] = target.p[k];  // without the rounding of the system
+  take_derivatives(joints, out);
+  return out;
+}
+
 /// By the family's closed form.
 template <class M>
 JointSeries quick_series_of(const M& m, const PoseSeries& target, const Pose& at, const JointVector& q) {
@@ -310,6 +355,8 @@ template <class M>
 JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, const JointVector& q, bool differences) {
   if constexpr (requires { quick_series(m, target, at, q); }) {
     if (!differences) return quick_series_of(m, target, at, q);
+  } else if constexpr (requires { closure_is_pose_error(m); }) {
+    if (!differences) return chain_series_of(m, target, at, q);
   }
   const Task what = task(m);
   const std::vector<double> p = kinematics::nominal_parameters(m);
@@ -318,23 +365,12 @@ JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, cons
   const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
   const auto n = static_cast<int>(q.size());
   const int first = first_unknown(what), twist = 6 - first;
-  System K = unknowns_matrix(m, what, first, value_of(target), at, q, p_dual);
+  const System K = unknowns_matrix(m, what, first, value_of(target), at, q, p_dual);
   const int seen = what.size() - first, equations = static_cast<int>(K.rows()) - seen;
-  const Unknowns scale = scale_rows(K);
+  const Solver solver(K);
   JointSeries out;
   out.q = q;
-  Eigen::FullPivLU<System> square;
-  Eigen::CompleteOrthogonalDecomposition<System> any;
-  const bool is_square = K.rows() == K.cols();
-  if (is_square) {
-    square.compute(K);
-    const auto pivots = square.matrixLU().diagonal().cwiseAbs();
-    out.pivot = pivots.minCoeff() / pivots.maxCoeff();
-  } else {
-    any.compute(K);
-    const auto pivots = any.matrixT().diagonal().head(std::min(K.rows(), K.cols())).cwiseAbs();
-    out.pivot = any.rank() < std::min(K.rows(), K.cols()) ? 0 : pivots.minCoeff() / pivots.maxCoeff();
-  }
+  out.pivot = solver.pivot();
   out.regular = out.pivot > kSingular;
   Vector3<Series> v = Vector3<Series>::Zero(), w = v;
   std::vector<Series> q_series(joints.begin(), joints.end());
@@ -345,21 +381,14 @@ JointSeries series_of(const M& m, const PoseSeries& target, const Pose& at, cons
     if (first == 3) X.p = target.p;
     return X;
   };
-  const auto closure_coefficient = [&](const PoseSeries& X, int order) {
-    if (differences) return coefficients_by_differences(m, X, q_series, p_dual, order);
-    if constexpr (requires { closure_is_pose_error(m); }) {
-      if (order == 1) return Unknowns(first_twist(X));  // the joints stand still as yet
-    }
-    return coefficients_of(m, X, q_series, p_series, p_dual, order);
-  };
   for (int order = 1; order <= Series::kOrder && out.regular; ++order) {
     const PoseSeries X = pose();
     Unknowns r(K.rows());
-    r.head(equations) = closure_coefficient(X, order);
+    r.head(equations) = differences ? coefficients_by_differences(m, X, q_series, p_dual, order)
+                                    : coefficients_of(m, X, q_series, p_series, p_dual, order);
     const auto T = task_equations(what, X, target, at, first);
     for (int i = 0; i < seen; ++i) r[equations + i] = T[i][order];
-    const Unknowns right = -scale.cwiseProduct(r);
-    const Unknowns y = is_square ? Unknowns(square.solve(right)) : Unknowns(any.solve(right));
+    const Unknowns y = solver.solve(-r);
     out.regular = y.allFinite();
     for (int k = first; k < 6; ++k) (k < 3 ? v[k] : w[k - 3])[order] = y[k - first];
     for (int i = 0; i < n; ++i) q_series[static_cast<std::size_t>(i)][order] = y[twist + i];

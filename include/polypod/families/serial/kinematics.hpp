@@ -97,7 +97,7 @@ ClosureVectorT<T> closure(const SerialArm& arm, const PoseT<T>& X_MT, std::span<
   return F;
 }
 
-/// F_X = 1 at a solution, so that F_q = -jacobian(m, X, q) there.
+/// F_X = 1 at a solution, so that F_q = -jacobian(m, X, q) there, and X = chain(m, q, p).
 constexpr void closure_is_pose_error(const SerialArm&) {}
 
 /// The limits of a serial arm: q - min and max - q of every free joint, in that order.
