@@ -135,6 +135,8 @@ void print_row(const Study& study, const Row& row, const Row* start) {
   }
   if (start != nullptr && start->evaluation.state != State::done) {
     fmt::print("the start is no solution itself: {}\n", one_line(start->evaluation.reason));
+  } else if (start != nullptr && !design::start_is_candidate(study)) {
+    fmt::print("the start is no candidate: outside of the ranges, beside their steps, or not as the ties have it\n");
   }
 }
 
@@ -248,18 +250,20 @@ void print_again(const Study& study, const std::vector<Row>& rows, const design:
 }
 
 /// The machines that the study compares with.
-Json compared_json(const Study& study, const std::vector<Row>& rows, const std::vector<Row>& known) {
+Json compared_json(const design::Answer& answer, const design::Known& known) {
   Json out = Json::array();
-  for (std::size_t k = 0; k < known.size(); ++k) {
-    const design::Standing standing = design::standing_of(study, rows, known[k]);
-    Json one = row_json(study, known[k]);
+  for (std::size_t k = 0; k < known.rows.size(); ++k) {
+    const design::Standing standing = design::standing_of(answer, known.rows[k]);
+    Json one = row_json(answer.study, known.rows[k]);
     one.erase("row");
     one.erase("phase");
-    one["name"] = study.compared[k].name;
+    one["name"] = answer.study.compared[k].name;
     one["standing"] = design::name_of(standing.is);
     one["is_candidate"] = !standing.outside;
-    if (study.wants_front()) {
+    one["resolution"] = known.resolution;
+    if (answer.study.wants_front()) {
       one["dominated_by"] = standing.by > 0 ? Json(standing.by) : Json();
+      one["dominated_by_count"] = standing.dominated_by;
       one["dominates"] = standing.dominates;
     }
     out.push_back(std::move(one));
@@ -267,21 +271,27 @@ Json compared_json(const Study& study, const std::vector<Row>& rows, const std::
   return out;
 }
 
-void print_compared(const Study& study, const std::vector<Row>& rows, const std::vector<Row>& known) {
-  if (known.empty()) return;
-  fmt::print("machines that are known:\n");
+void print_compared(const design::Answer& answer, const design::Known& known) {
+  if (known.rows.empty()) return;
+  const Study& study = answer.study;
+  fmt::print("machines that are known{}:\n",
+             known.resolution == study.resolution ? "" : fmt::format(", with resolution {}", known.resolution));
   const std::vector<design::Figure> figures = study.figures();
-  for (std::size_t k = 0; k < known.size(); ++k) {
+  for (std::size_t k = 0; k < known.rows.size(); ++k) {
+    const Row& row = known.rows[k];
     std::string values;
-    if (!study.wants_front()) values = fmt::format("objective {}", shown(known[k].evaluation.objective.value));
+    if (!study.wants_front()) values = fmt::format("objective {}", shown(row.evaluation.objective.value));
     for (std::size_t i = 0; i < figures.size(); ++i) {
       values += fmt::format("{}{} {}", values.empty() ? "" : ", ", design::info_of(figures[i]).name,
-                            shown(known[k].evaluation.figures[i].value));
+                            shown(row.evaluation.figures[i].value));
     }
+    const auto parameters = study.parameters(row.varied);
+    for (std::size_t i = study.vary.size(); i < parameters.size(); ++i)
+      values += fmt::format(", {} {} by its tie", parameters[i].first, shown(parameters[i].second));
     fmt::print("  {}: {}; {}\n", one_line(study.compared[k].name), values,
-               one_line(design::in_words(design::standing_of(study, rows, known[k]))));
+               one_line(design::in_words(design::standing_of(answer, row))));
   }
-  const std::string advice = design::advice(study, rows, known);
+  const std::string advice = design::advice(answer, known.rows);
   if (!advice.empty()) fmt::print("no: {}\n", advice);
 }
 
@@ -328,7 +338,8 @@ void print_table(const Study& study, const std::vector<Row>& rows, const std::ve
   std::vector<std::vector<std::string>> cells{head};
   for (const std::size_t i : which) {
     const Row& row = rows[i];
-    std::vector<std::string> line{std::to_string(row.row), design::name_of(row.evaluation.state)};
+    const bool is_start = row.phase == design::Phase::start && !design::start_is_candidate(study);
+    std::vector<std::string> line{std::to_string(row.row), is_start ? "start" : design::name_of(row.evaluation.state)};
     if (!study.wants_front()) line.push_back(shown(row.evaluation.objective.value));
     for (const design::Value& v : row.evaluation.figures) line.push_back(shown(v.value));
     for (const auto& [key, value] : design::parameters_of(study, row)) line.push_back(shown(value));
@@ -430,11 +441,12 @@ Command optimize_command() {
         POLYPOD_ASSIGN(again, design::judge_again(study, store, found, finer,
                                                   [line = progress_line(context, "judging again")](
                                                       double share) mutable { line(share); }));
-        POLYPOD_ASSIGN(known, design::judge_compared(study, store, finer,
+        POLYPOD_ASSIGN(known, design::judge_compared(study, store, again, finer,
                                                      [line = progress_line(context, "judging what is known")](
                                                          double share) mutable { line(share); }));
         POLYPOD_TRY(store.close());
-        const bool yes = any && (!again || again->holds_kept()) && !design::beaten(study, found.rows, known);
+        const design::Answer answer{study, found.rows, again};
+        const bool yes = any && (!again || again->holds_kept()) && design::advice(answer, known.rows).empty();
         const Row* start = start_of(found.rows);
         if (context.json) {
           Json out({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
@@ -453,7 +465,7 @@ Command optimize_command() {
           if (const auto volume = design::front_volume(study, found.rows, found.front); volume && !found.best)
             out["hypervolume"] = hypervolume_json(study, *volume);
           if (again) out["judged_again"] = again_json(study, *again);
-          if (!known.empty()) out["compared"] = compared_json(study, found.rows, known);
+          if (!known.rows.empty()) out["compared"] = compared_json(answer, known);
           if (!any) out["why_none"] = no_json(study, asked);
           print_json(out);
           return yes ? kDone : kAnswerIsNo;
@@ -480,7 +492,7 @@ Command optimize_command() {
         } else {
           print_why_none(study, asked);
         }
-        print_compared(study, found.rows, known);
+        print_compared(answer, known);
         fmt::print("every evaluation is in {}; `polypod study {}` shows them\n", design::database_of(o->folder),
                    for_shell(o->folder));
         return yes ? kDone : kAnswerIsNo;
@@ -522,10 +534,14 @@ void sort_rows(const Study& study, const std::vector<Row>& rows, const std::vect
                std::vector<std::size_t>& which) {
   std::vector<std::size_t> place(rows.size(), rows.size());
   for (std::size_t i = 0; i < front.size(); ++i) place[front[i]] = i;
+  const bool start_counts = design::start_is_candidate(study);
+  const auto is_done = [&](const Row& row) {
+    return row.evaluation.state == State::done && (start_counts || row.phase != design::Phase::start);
+  };
   std::stable_sort(which.begin(), which.end(), [&](std::size_t a, std::size_t b) {
     const design::Evaluation &x = rows[a].evaluation, &y = rows[b].evaluation;
     if (study.wants_front() && place[a] != place[b]) return place[a] < place[b];
-    if ((x.state == State::done) != (y.state == State::done)) return x.state == State::done;
+    if (is_done(rows[a]) != is_done(rows[b])) return is_done(rows[a]);
     const double u = x.objective.value, v = y.objective.value;
     return std::isnan(v) ? !std::isnan(u) : u > v;
   });
@@ -704,7 +720,7 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
                          const std::vector<std::size_t>& which, const std::vector<design::Sensitivity>& sensitivities,
                          const design::StudySensitivity& global, bool complete, const Row* machine_row,
                          const std::vector<design::Start>& starts, const std::vector<double>& reference,
-                         const std::optional<design::JudgedAgain>& again, const std::vector<Row>& known) {
+                         const std::optional<design::JudgedAgain>& again, const design::Known& known) {
   files::Outputs out;
   if (!o.csv.empty()) {
     std::vector<std::size_t> in_order = which;
@@ -813,7 +829,7 @@ Command study_command() {
                         {"listed", list}});
               if (!starts.empty()) out["starts"] = starts_json(starts);
               if (again) out["judged_again"] = again_json(study, *again);
-              if (!known.empty()) out["compared"] = compared_json(study, rows, known);
+              if (!known.rows.empty()) out["compared"] = compared_json({study, rows, again}, known);
               const auto volume = design::front_volume(study, rows, front, reference);
               if (volume && study.wants_front()) out["hypervolume"] = hypervolume_json(study, *volume);
               if (global.design.groups > 0) out["global_sensitivities"] = global_json(study, global);
@@ -837,7 +853,7 @@ Command study_command() {
               print_hypervolume(study, rows, front, reference);
             }
             if (again) print_again(study, rows, *again);
-            print_compared(study, rows, known);
+            print_compared({study, rows, again}, known);
             if (!listed.empty()) {
               fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());
               print_table(study, rows, listed);

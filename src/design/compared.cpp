@@ -4,55 +4,77 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-
-#include "polypod/design/optimize.hpp"
+#include <cstdlib>
 
 namespace polypod::design {
 namespace {
 
-bool are_of(const std::vector<Row>& rows, const Study& study) {
-  return std::equal(rows.begin(), rows.end(), study.compared.begin(), study.compared.end(),
-                    [](const Row& row, const Compared& one) { return row.varied == one.varied; });
+constexpr const char* kResolution = "compared_resolution";
+
+/// The first of the rows that are of the study's list.
+void keep_what_is_of(const Study& study, std::vector<Row>& rows) {
+  std::size_t same = 0;
+  while (same < rows.size() && same < study.compared.size() && rows[same].varied == study.compared[same].varied) ++same;
+  rows.resize(same);
+}
+
+/// What a finer survey says of a row, else what the search says.
+const Evaluation& judged(const Answer& answer, const Row& row) {
+  if (answer.again) {
+    for (const Row& again : answer.again->rows)
+      if (again.row == row.row) return again.evaluation;
+  }
+  return row.evaluation;
 }
 
 /// The goals, more is better.
-std::vector<double> goals_of(const Study& study, const Row& row) {
+std::vector<double> goals_of(const Study& study, const Evaluation& e) {
   std::vector<double> out;
-  for (std::size_t k = 0; k < study.goals.size(); ++k) {  // goals come first among the figures
-    const double value = row.evaluation.figures[k].value;
-    out.push_back(study.goals[k].maximise ? value : -value);
-  }
+  for (std::size_t k = 0; k < study.goals.size(); ++k)  // goals come first among the figures
+    out.push_back(study.goals[k].maximise ? e.figures[k].value : -e.figures[k].value);
   return out;
 }
 
 }  // namespace
 
-Result<std::vector<Row>> judge_compared(const Study& study, Store& store, const EvaluateOptions& options,
-                                        const std::function<void(double)>& progress) {
-  POLYPOD_ASSIGN(kept, store.compared());
-  if (are_of(kept, study)) return kept;
-  std::vector<Row> out;
-  for (const Compared& one : study.compared) {
-    if (progress) progress(static_cast<double>(out.size()) / static_cast<double>(study.compared.size()));
+Result<Known> judge_compared(const Study& study, Store& store, const std::optional<JudgedAgain>& again,
+                             const EvaluateOptions& options, const std::function<void(double)>& progress) {
+  Study as_judged = study;
+  if (again) as_judged.resolution = again->resolution;
+  Known out{as_judged.resolution, {}};
+  POLYPOD_ASSIGN(resolution, store.note(kResolution));
+  if (resolution == fmt::format("{}", out.resolution)) {
+    POLYPOD_ASSIGN(kept, store.compared());
+    out.rows = std::move(kept);
+    keep_what_is_of(study, out.rows);
+  }
+  const std::size_t all = study.compared.size();
+  while (out.rows.size() < all) {
+    if (progress) progress(static_cast<double>(out.rows.size()) / static_cast<double>(all));
     Row row;
-    row.row = static_cast<std::int64_t>(out.size()) + 1;
-    row.varied = one.varied;
-    POLYPOD_ASSIGN(evaluation, evaluate(study, one.varied, {}, options));
+    row.row = static_cast<std::int64_t>(out.rows.size()) + 1;
+    row.varied = study.compared[out.rows.size()].varied;
+    POLYPOD_ASSIGN(evaluation, evaluate(as_judged, row.varied, {}, options));
     row.evaluation = std::move(evaluation);
-    out.push_back(std::move(row));
+    out.rows.push_back(std::move(row));
+    POLYPOD_TRY(store.set_compared(out.rows));
+    POLYPOD_TRY(store.set_note(kResolution, fmt::format("{}", out.resolution)));
   }
   if (progress) progress(1);
-  POLYPOD_TRY(store.set_compared(out));
   return out;
 }
 
-Result<std::vector<Row>> kept_compared(const Store& store) {
-  POLYPOD_ASSIGN(kept, store.compared());
-  if (!are_of(kept, store.study())) kept.clear();
-  return kept;
+Result<Known> kept_compared(const Store& store) {
+  POLYPOD_ASSIGN(rows, store.compared());
+  POLYPOD_ASSIGN(resolution, store.note(kResolution));
+  Known out{std::atoi(resolution.c_str()), std::move(rows)};
+  keep_what_is_of(store.study(), out.rows);
+  if (out.rows.size() < store.study().compared.size()) out.rows.clear();
+  return out;
 }
 
-Standing standing_of(const Study& study, const std::vector<Row>& rows, const Row& known) {
+Standing standing_of(const Answer& answer, const Row& known) {
+  const Study& study = answer.study;
   Standing out;
   out.outside = !as_candidate(study, known.varied);
   if (known.evaluation.state != State::done) {
@@ -61,25 +83,26 @@ Standing standing_of(const Study& study, const std::vector<Row>& rows, const Row
     return out;
   }
   if (study.wants_front()) {
-    const std::vector<std::size_t> front = front_of(study, rows);
+    const std::vector<std::size_t> front = front_of(study, answer.rows);
     if (front.empty()) return out;
-    const std::vector<double> goals = goals_of(study, known);
-    out.is = Standing::Is::not_dominated;
+    const std::vector<double> goals = goals_of(study, known.evaluation);
     for (const std::size_t i : front) {
-      const std::vector<double> point = goals_of(study, rows[i]);
+      const Evaluation& e = judged(answer, answer.rows[i]);
+      const std::vector<double> point = goals_of(study, e);
       if (dominates(goals, point)) ++out.dominates;
-      if (out.is == Standing::Is::dominated || !dominates(point, goals)) continue;
-      out.is = Standing::Is::dominated;
-      out.by = rows[i].row;
+      if (e.state != State::done || !dominates(point, goals)) continue;
+      if (out.dominated_by++ == 0) out.by = answer.rows[i].row;
     }
+    out.is = out.dominated_by > 0 ? Standing::Is::dominated : Standing::Is::not_dominated;
     return out;
   }
-  const auto best = best_of(study, rows);
+  const auto best = best_of(study, answer.rows);
   if (!best) return out;
-  const Value &found = rows[*best].evaluation.objective, &is = known.evaluation.objective;
-  out.is = is.lower > found.upper   ? Standing::Is::better
-           : is.upper < found.lower ? Standing::Is::worse
-                                    : Standing::Is::alike;
+  const Evaluation& e = judged(answer, answer.rows[*best]);
+  const Value &found = e.objective, &is = known.evaluation.objective;
+  out.is = e.state != State::done || is.lower > found.upper ? Standing::Is::better
+           : is.upper < found.lower                         ? Standing::Is::worse
+                                                            : Standing::Is::alike;
   return out;
 }
 
@@ -105,9 +128,10 @@ const char* name_of(Standing::Is is) {
 
 std::string in_words(const Standing& s) {
   const std::string outside = s.outside ? " (no candidate of the study)" : "";
+  const auto points = [](int count) { return fmt::format("{} point{}", count, count == 1 ? "" : "s"); };
   switch (s.is) {
     case Standing::Is::no_solution:
-      return "no solution: " + s.reason;
+      return "no solution: " + s.reason + outside;
     case Standing::Is::worse:
       return "worse than the best" + outside;
     case Standing::Is::alike:
@@ -115,32 +139,29 @@ std::string in_words(const Standing& s) {
     case Standing::Is::better:
       return "better than the best that was found" + outside;
     case Standing::Is::dominated:
-      return fmt::format("dominated by row {} of the front{}", s.by, outside);
+      return fmt::format("dominated by {} of the front, the first of them row {}{}", points(s.dominated_by), s.by,
+                         outside);
     case Standing::Is::not_dominated:
       return s.dominates > 0
-                 ? fmt::format("not dominated, and dominates {} points of the front{}", s.dominates, outside)
+                 ? fmt::format("not dominated, and dominates {} of the front{}", points(s.dominates), outside)
                  : "not dominated" + outside;
     case Standing::Is::alone:
       break;
   }
-  return "nothing was found to compare it with";
+  return "keeps all holds, where the search found nothing that does" + outside;
 }
 
-std::string advice(const Study& study, const std::vector<Row>& rows, const std::vector<Row>& known) {
+std::string advice(const Answer& answer, const std::vector<Row>& known) {
   bool within = false, better = false;
   for (const Row& row : known) {
-    const Standing s = standing_of(study, rows, row);
-    better = better || s.is == Standing::Is::better;
-    within = within || (s.is == Standing::Is::better && !s.outside);
+    const Standing s = standing_of(answer, row);
+    if (s.is != Standing::Is::better && s.is != Standing::Is::alone) continue;
+    better = true;
+    within = within || !s.outside;
   }
   if (!better) return {};
   return std::string("a machine that is known is better than the best that was found. ") +
          (within ? "Search longer, or with another seed" : "It is no candidate of the study: widen its ranges");
-}
-
-bool beaten(const Study& study, const std::vector<Row>& rows, const std::vector<Row>& known) {
-  return std::any_of(known.begin(), known.end(),
-                     [&](const Row& row) { return standing_of(study, rows, row).is == Standing::Is::better; });
 }
 
 }  // namespace polypod::design

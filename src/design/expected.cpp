@@ -194,6 +194,15 @@ std::vector<Shares> places(Ledger& ledger, const std::vector<Shares>& best) {
   return out;
 }
 
+/// Steps and lists: the model is asked about what would be tried.
+void snap(const Study& study, std::vector<Shares>& places) {
+  for (std::size_t k = 0; k < study.vary.size(); ++k) {
+    const Vary& v = study.vary[k];
+    if (!v.count()) continue;
+    for (Shares& u : places) u[k] = v.share_of(v.at(u[k]));
+  }
+}
+
 double distance(const Shares& a, const Shares& b) {
   double out = 0;
   for (std::size_t k = 0; k < a.size(); ++k) out = std::max(out, std::abs(a[k] - b[k]));
@@ -204,7 +213,8 @@ double distance(const Shares& a, const Shares& b) {
 /// parameter.
 Shares most_expected(Ledger& ledger, const Models& models, const std::vector<Shares>& best, double away) {
   std::vector<Shares> at = places(ledger, best);
-  const auto expected = [&](const std::vector<Shares>& places) {
+  const auto expected = [&](std::vector<Shares>& places) {
+    snap(ledger.study(), places);
     Eigen::VectorXd out = models.expected(places);
     for (std::size_t i = 0; away > 0 && i < places.size(); ++i)
       if (distance(places[i], best.front()) < away) out[Eigen::Index(i)] = -std::numeric_limits<double>::infinity();

@@ -328,7 +328,7 @@ Result<std::vector<std::pair<std::string, double>>> read_sizes(const config::Tab
     if (equals == std::string::npos || equals == 0 || begin == end || code != std::errc{} || rest != end ||
         !std::isfinite(value)) {
       return fail("OP107", fmt::format("{} holds \"{}\", which is no KEY=number", key, text), t.place_of(key),
-                  "write base.joint=0.01, in mm (angles in deg)");
+                  "write KEY=NUMBER, as base.joint=0.01 (mm, angles in deg)");
     }
     out.emplace_back(text.substr(0, equals), value);
   }
@@ -410,6 +410,11 @@ Result<Compared> read_compared(const config::Table& t, const Study& s) {
   out.place = t.place();
   POLYPOD_ASSIGN(name, t.text("name"));
   out.name = name;
+  constexpr std::size_t kLongest = 100;
+  if (name.find_first_not_of(" \t\r\n") == std::string::npos || name.size() > kLongest) {
+    return fail("OP117", fmt::format("a name of {} characters", name.size()), t.place_of("name"),
+                fmt::format("name the machine in 1 to {} characters", kLongest));
+  }
   const auto same = [&](const Compared& other) { return other.name == name; };
   if (std::any_of(s.compared.begin(), s.compared.end(), same)) {
     return fail("OP117", fmt::format("\"{}\" is the name of two machines to compare with", name), t.place_of("name"),
@@ -418,6 +423,7 @@ Result<Compared> read_compared(const config::Table& t, const Study& s) {
   POLYPOD_ASSIGN(values, read_sizes(t, "values"));
   out.varied = s.of_cell ? std::vector<double>() : s.values_of(s.start);
   const bool whole = !out.varied.empty();
+  std::vector<bool> twice(s.vary.size(), false);
   out.varied.resize(s.vary.size(), 0);
   std::vector<bool> given(s.vary.size(), whole);
   for (const auto& [key, value] : values) {
@@ -429,13 +435,15 @@ Result<Compared> read_compared(const config::Table& t, const Study& s) {
                   did_you_mean(key, known) + fmt::format("varied are {}", fmt::join(known, ", ")));
     }
     const auto i = static_cast<std::size_t>(at - known.begin());
+    if (twice[i]) return fail("OP117", fmt::format("{}: {} is given twice", name, key), t.place_of("values"));
+    twice[i] = given[i] = true;
     out.varied[i] = value;
-    given[i] = true;
   }
   for (std::size_t i = 0; i < given.size(); ++i) {
     if (given[i]) continue;
-    return fail("OP117", fmt::format("{}: {} has no value", name, s.vary[i].key), t.place_of("values"),
-                "the machine of the study does not have it either: give a value for each parameter that is varied");
+    return fail(
+        "OP117", fmt::format("{}: {} has no value", name, s.vary[i].key), t.place_of("values"),
+        "only parameters that `polypod info` gives a value of may be left out: give one for each that is varied");
   }
   return t.finish().map([&] { return out; });
 }
@@ -518,6 +526,10 @@ Result<Study> study_of(const config::Table& table, const std::string& name, cons
       return fail("OP105", "a weighted goal without best", t.place(),
                   "figures of different units add up only as shares: give the value that counts as 1");
     }
+  }
+  if (s.search == Search::models && s.wants_front()) {
+    return fail("OP118", "models are made for one machine, and this study wants a front", table.place_of("search"),
+                "leave search out, or give the goals weights");
   }
   POLYPOD_TRY(judge_keys(s));
   POLYPOD_TRY(judge_cell_figures(s));

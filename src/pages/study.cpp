@@ -11,7 +11,6 @@
 #include "machine_lines.hpp"
 #include "moving_machine.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/design/compared.hpp"
 #include "polypod/design/optimize.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/parts.hpp"
@@ -238,6 +237,9 @@ class Page {
     }
     if (start_ != nullptr && start_->evaluation.state != State::done) {
       report_.add_text("The start is no solution itself: " + start_->evaluation.reason + ".");
+    } else if (start_ != nullptr && !design::start_is_candidate(study_)) {
+      report_.add_text(
+          "The start is no candidate: outside of the ranges, beside their steps, or not as the ties have it.");
     }
   }
 
@@ -421,28 +423,32 @@ class Page {
 
   /// The machines that the study compares with.
   void known() {
-    if (page_.known.empty()) return;
+    if (page_.known.rows.empty()) return;
+    const design::Answer answer{study_, page_.rows, page_.again};
     report_.add_heading("Beside machines that are known");
-    if (const std::string advice = design::advice(study_, page_.rows, page_.known); !advice.empty()) {
+    if (const std::string advice = design::advice(answer, page_.known.rows); !advice.empty()) {
       std::string text = advice;
       text.front() = 'A';
       report_.add_verdict(Verdict::bad, text + ".");
     }
     report::Table t;
-    t.caption = "Machines that the study compares with, judged as candidates are";
+    t.caption = fmt::format("Machines that the study compares with, judged as candidates are{}",
+                            page_.known.resolution == study_.resolution
+                                ? std::string()
+                                : fmt::format(", with resolution {}", page_.known.resolution));
     t.columns.push_back({"machine", "", -1});
+    t.columns.push_back({"where it stands", "", -1});
     const std::vector<Figure> order = study_.figures();
     if (!study_.wants_front()) t.columns.push_back({"objective", "", -1});
     for (const Figure f : order) t.columns.push_back({design::info_of(f).name, "", -1});
-    for (const design::Vary& v : study_.vary) t.columns.push_back({v.key, "", -1});
-    t.columns.push_back({"where it stands", "", -1});
-    for (std::size_t k = 0; k < page_.known.size(); ++k) {
-      const Row& row = page_.known[k];
-      std::vector<report::Cell> cells{study_.compared[k].name};
+    for (const auto& [key, value] : study_.parameters(page_.known.rows.front().varied))
+      t.columns.push_back({key, "", -1});
+    for (std::size_t k = 0; k < page_.known.rows.size(); ++k) {
+      const Row& row = page_.known.rows[k];
+      std::vector<report::Cell> cells{study_.compared[k].name, design::in_words(design::standing_of(answer, row))};
       if (!study_.wants_front()) cells.emplace_back(number(row.evaluation.objective.value, kDigits));
       for (const design::Value& v : row.evaluation.figures) cells.emplace_back(number(v.value, kDigits));
-      for (const double x : row.varied) cells.emplace_back(number(x, kDigits));
-      cells.emplace_back(design::in_words(design::standing_of(study_, page_.rows, row)));
+      for (const auto& [key, value] : study_.parameters(row.varied)) cells.emplace_back(number(value, kDigits));
       t.rows.push_back(std::move(cells));
     }
     report_.add_table(t);
@@ -675,7 +681,7 @@ Result<report::Figure> front_figure(const StudyPage& page, std::size_t across, s
     const auto [least, most] = std::minmax_element(values.begin(), values.end());
     const double air = 0.25 * (*most - *least);
     if (!(air > 0)) return;
-    lo = *least - air;
+    lo = *least < 0 ? *least - air : std::max(0.0, *least - air);
     hi = *most + air;
   };
   ends(front.x, plot.x.min, plot.x.max);
@@ -685,9 +691,9 @@ Result<report::Figure> front_figure(const StudyPage& page, std::size_t across, s
   if (!best.x.empty()) plot.series.push_back(best);
   constexpr std::array kColours{report::Colour::purple, report::Colour::orange, report::Colour::sky,
                                 report::Colour::ink};
-  for (std::size_t k = 0; k < page.known.size(); ++k) {
+  for (std::size_t k = 0; k < page.known.rows.size(); ++k) {
     report::Series one{study.compared[k].name, {}, {}, kColours[k % kColours.size()], report::LineStyle::points, 4.5};
-    add(one, page.known[k]);
+    add(one, page.known.rows[k]);
     if (!one.x.empty()) plot.series.push_back(one);
   }
   plot.aspect = 0.5;

@@ -33,6 +33,9 @@ TEST(Compared, RefusesWhatIsNotVaried) {
                                    {known("a", "\"base.radius_mm\""), "no KEY=number"},
                                    {known("a", "") + known("a", ""), "the name of two"},
                                    {std::string("[[compare]]\nvalues = []\n"), "name"},
+                                   {known("a", "\"base.radius_mm=30\", \"base.radius_mm=40\""), "given twice"},
+                                   {known(" ", ""), "a name of 1"},
+                                   {known(std::string(200, 'a'), ""), "a name of 200"},
                                    {known("a", "") + "more = 1\n", "more"}}) {
     const auto s = study_from_text("machine = \"strut\"\n" + head + text, "test.toml", kStrut);
     ASSERT_FALSE(s) << text;
@@ -51,30 +54,31 @@ TEST(Compared, StandsBesideTheBest) {
   ASSERT_TRUE(store) << to_string(store.error());
   const auto found = optimize(s, *store, {});
   ASSERT_TRUE(found) << to_string(found.error());
-  const auto rows = judge_compared(s, *store, {});
+  const auto rows = judge_compared(s, *store, {}, {});
   ASSERT_TRUE(rows) << to_string(rows.error());
-  ASSERT_EQ(rows->size(), 4U);
-  const auto standing = [&](std::size_t k) { return standing_of(s, found->rows, (*rows)[k]).is; };
+  ASSERT_EQ(rows->rows.size(), 4U);
+  const std::optional<JudgedAgain> none;
+  const Answer answer{s, found->rows, none};
+  const auto standing = [&](std::size_t k) { return standing_of(answer, rows->rows[k]).is; };
   EXPECT_EQ(standing(0), Standing::Is::better);
   EXPECT_EQ(standing(1), Standing::Is::worse);
   EXPECT_EQ(standing(2), Standing::Is::alike);
   EXPECT_EQ(standing(3), Standing::Is::no_solution);
-  EXPECT_TRUE(beaten(s, found->rows, *rows));
-  EXPECT_TRUE(standing_of(s, found->rows, (*rows)[0]).outside);
-  EXPECT_FALSE(standing_of(s, found->rows, (*rows)[2]).outside);
-  EXPECT_NE(advice(s, found->rows, *rows).find("widen its ranges"), std::string::npos);
-  EXPECT_FALSE(beaten(s, found->rows, {(*rows)[1], (*rows)[2], (*rows)[3]}));
-  EXPECT_EQ(standing_of(s, {}, (*rows)[0]).is, Standing::Is::alone);
+  EXPECT_TRUE(standing_of(answer, rows->rows[0]).outside);
+  EXPECT_FALSE(standing_of(answer, rows->rows[2]).outside);
+  EXPECT_NE(advice(answer, rows->rows).find("widen its ranges"), std::string::npos);
+  EXPECT_EQ(advice(answer, {rows->rows[1], rows->rows[2], rows->rows[3]}), "");
+  EXPECT_EQ(standing_of({s, {}, none}, rows->rows[0]).is, Standing::Is::alone);
   // They are no candidates, and the store keeps them for this list alone.
   EXPECT_EQ(store->rows()->size(), found->rows.size());
-  EXPECT_EQ(kept_compared(*store)->size(), 4U);
-  const auto again = judge_compared(s, *store, {});
+  EXPECT_EQ(kept_compared(*store)->rows.size(), 4U);
+  const auto again = judge_compared(s, *store, {}, {});
   ASSERT_TRUE(again);
-  EXPECT_EQ((*again)[0].evaluation.seconds, (*rows)[0].evaluation.seconds);  // not computed again
+  EXPECT_EQ(again->rows[0].evaluation.seconds, rows->rows[0].evaluation.seconds);  // not computed again
   Study other = s;
   other.compared.resize(1);
-  EXPECT_EQ(judge_compared(other, *store, {})->size(), 1U);
-  EXPECT_TRUE(kept_compared(*store)->empty());
+  EXPECT_EQ(judge_compared(other, *store, {}, {})->rows.size(), 1U);
+  EXPECT_EQ(kept_compared(*store)->rows.size(), 4U);  // of the longer list, which is that of the store
 }
 
 TEST(Compared, StandsBesideAFront) {
@@ -92,18 +96,57 @@ TEST(Compared, StandsBesideAFront) {
     return out;
   };
   const std::vector<Row> rows{row(1, 10, 30), row(2, 20, 20), row(3, 30, 10)};
-  const Standing dominated = standing_of(s, rows, row(1, 21, 21));
+  std::optional<JudgedAgain> again;
+  const Answer answer{s, rows, again};
+  const Standing dominated = standing_of(answer, row(1, 21, 21));
+  EXPECT_EQ(dominated.dominated_by, 1);
   EXPECT_EQ(dominated.is, Standing::Is::dominated);
   EXPECT_EQ(dominated.by, 2);
   EXPECT_EQ(dominated.dominates, 0);
-  const Standing beside = standing_of(s, rows, row(1, 15, 25));
+  const Standing beside = standing_of(answer, row(1, 15, 25));
   EXPECT_EQ(beside.is, Standing::Is::not_dominated);
   EXPECT_EQ(beside.dominates, 0);
-  const Standing before = standing_of(s, rows, row(1, 15, 9));
+  const Standing before = standing_of(answer, row(1, 15, 9));
   EXPECT_EQ(before.is, Standing::Is::not_dominated);
   EXPECT_EQ(before.dominates, 2);
-  EXPECT_EQ(standing_of(s, rows, row(1, 20, 20)).is, Standing::Is::not_dominated);
-  EXPECT_FALSE(beaten(s, rows, {row(1, 15, 9)}));  // a front does not say that there is nothing else
+  EXPECT_EQ(standing_of(answer, row(1, 20, 20)).is, Standing::Is::not_dominated);
+  EXPECT_EQ(advice(answer, {row(1, 15, 9)}), "");  // a front does not say that there is nothing else
+  // What a finer survey says of a point counts.
+  again = JudgedAgain{16, {row(2, 22, 22)}};
+  EXPECT_EQ(standing_of(answer, row(1, 21, 21)).is, Standing::Is::not_dominated);
+  EXPECT_EQ(standing_of(answer, row(1, 21, 21)).dominates, 1);
+}
+
+/// A best that the points of its own survey flatter is compared with known machines over the finer survey: here it
+/// breaks its hold there, and a known machine that keeps it is better, whatever the coarse survey says.
+TEST(Compared, IsJudgedAsTheAnswerIs) {
+  Study s = study_on_strut("resolution = 8\n[[vary]]\nkey = \"base.radius_mm\"\nmin = 30\nmax = 60\n" +
+                           std::string("[[goal]]\nfigure = \"condition\"\nsense = \"min\"\n") +
+                           known("50", "\"base.radius_mm=50\""));
+  const Folder folder;
+  auto store = Store::open(folder / "a", s, "", "1.0");
+  ASSERT_TRUE(store);
+  Row best;
+  best.row = 7;
+  best.varied = {44};
+  best.evaluation = *evaluate(s, best.varied, {}, {});
+  const std::vector<Row> rows{best};
+  std::optional<JudgedAgain> again = JudgedAgain{16, {best}};
+  const auto known = judge_compared(s, *store, again, {});
+  ASSERT_TRUE(known);
+  EXPECT_EQ(known->resolution, 16);
+  Study finer = s;
+  finer.resolution = 16;
+  EXPECT_EQ(known->rows[0].evaluation.figures[0].value, evaluate(finer, {50}, {}, {})->figures[0].value);
+  EXPECT_NE(known->rows[0].evaluation.figures[0].value, evaluate(s, {50}, {}, {})->figures[0].value);
+  Value& objective = again->rows[0].evaluation.objective;
+  const double is = known->rows[0].evaluation.objective.value;
+  objective = {2 * is, 2 * is, 2 * is};
+  EXPECT_EQ(standing_of({s, rows, again}, known->rows[0]).is, Standing::Is::worse);
+  again->rows[0].evaluation.state = State::violates;
+  EXPECT_EQ(standing_of({s, rows, again}, known->rows[0]).is, Standing::Is::better);
+  // Judged with another survey: computed anew.
+  EXPECT_EQ(judge_compared(s, *store, {}, {})->resolution, 8);
 }
 
 /// What a study compares with may change; the search goes on from its rows, and a reader sees the new list.
@@ -120,7 +163,7 @@ TEST(Compared, ANewListKeepsTheSearch) {
     const Study s = study_on_strut(more);
     auto store = Store::open(folder / "a", s, "machine = \"strut\"\n" + more, "1.0");
     ASSERT_TRUE(store) << to_string(store.error());
-    ASSERT_TRUE(judge_compared(s, *store, {}));
+    ASSERT_TRUE(judge_compared(s, *store, {}, {}));
     ASSERT_TRUE(store->close());
   }
   {
@@ -132,7 +175,7 @@ TEST(Compared, ANewListKeepsTheSearch) {
   const auto read = Store::read(folder / "a");
   ASSERT_TRUE(read) << to_string(read.error());
   ASSERT_EQ(read->study().compared.size(), 1U);
-  EXPECT_EQ(kept_compared(*read)->size(), 1U);
+  EXPECT_EQ(kept_compared(*read)->rows.size(), 1U);
 }
 
 }  // namespace

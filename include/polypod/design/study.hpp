@@ -166,8 +166,9 @@ struct Study {
 /// (an empty range, step or list), OP102 (a key that the machine does not have), OP103 (a key that is varied, tied or
 /// set twice, or a tie that leads nowhere), OP104 (nothing to vary, no goal), OP105 (weights and best values), OP106
 /// (holds that contradict each other or say nothing), OP107 (a figure that this machine does not have), OP108 (sense),
-/// OP109 (a range of directions, or a cone as well), OP117 (a machine to compare with), OP118 (a search that is not known, or models of too much), OP140 (poses, a load or a
-/// motion that say nothing), OP141 (a box of [robust] that is none).
+/// OP109 (a range of directions, or a cone as well), OP117 (a machine to compare with), OP118 (a search that is not
+/// known, or models of too much), OP140 (poses, a load or a motion that say nothing), OP141 (a box of [robust] that is
+/// none).
 Result<Study> read_study(const std::string& path);
 /// The same from text; `name` stands for the file, and a machine is looked for beside it. `machine_toml`: the machine's
 /// file with what the study sets, as Study::machine_toml keeps it; where it is given no other file is read.

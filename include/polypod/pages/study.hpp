@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "polypod/design/analyse.hpp"
+#include "polypod/design/compared.hpp"
 #include "polypod/design/optimize.hpp"
 #include "polypod/design/sensitivity.hpp"
 #include "polypod/report/plot.hpp"
@@ -25,7 +26,7 @@ struct StudyPage {
   std::vector<design::Start> starts;         ///< of the search (design::kept_starts)
   std::vector<double> reference;             ///< of the hypervolume of the front, as design::front_volume takes it
   std::optional<design::JudgedAgain> again;  ///< the answer over a finer survey (design::kept_again)
-  std::vector<design::Row> known;            ///< machines to compare with (design::kept_compared)
+  design::Known known;                       ///< machines to compare with (design::kept_compared)
 };
 
 /// Two goals, by their places in the study, of all rows that have both, those of the front, the start, and the machines
