@@ -8,7 +8,8 @@ namespace polypod {
 
 /// How the figures of one kind (a table's column, the coordinates of a point) are written: all with the same decimals,
 /// `usual` of them as long as the largest figure then shows `significant` digits, else as many as that takes, and never
-/// more than 9 digits in all; beyond 9 decimals or 9 digits before the point with an exponent. So 12.3456 mm stays 12.35, and 0.000123 mm is not 0.00.
+/// more than 9 digits in all; beyond 9 decimals or 9 digits before the point with an exponent. So 12.3456 mm
+/// stays 12.35, and 0.000123 mm is not 0.00.
 class Figures {
  public:
   /// `largest`: of the absolute values; 0 or not finite: the usual decimals.
