@@ -819,6 +819,7 @@ class Mover {
     std::vector<double> force;
     std::vector<std::array<Nearest, 3>> all;  ///< at each instant
     double factor = 1;
+    std::optional<MoveViolation> jump;  ///< the first
   };
   /// Of one block, where all take `total` s.
   [[nodiscard]] int instants(std::size_t block, double total) const {
@@ -830,10 +831,18 @@ class Mover {
     Look look;
     look.drives.resize(out.drives.size());
     look.force.resize(out.drives.size());
+    MoveSample last;
     for (int i = 0; i <= count; ++i) {
       const MoveSample s = sample_at(block, begin + duration * i / count);
+      if (i > 0 && !look.jump) look.jump = jump_between(last, s, duration / count);
+      last = s;
       look.tool.raise(s.v.norm(), s.a.norm(), s.j.norm());
       look.turn = std::max(look.turn, s.turn.norm());
+      for (std::size_t k = 0; s.reached && k < out.drives.size(); ++k) {
+        const double q = s.q[static_cast<Eigen::Index>(k)];
+        out.drives[k].low = std::min(out.drives[k].low, q);
+        out.drives[k].high = std::max(out.drives[k].high, q);
+      }
       for (std::size_t k = 0; s.regular && k < look.drives.size(); ++k) {
         const auto joint = static_cast<Eigen::Index>(k);
         look.drives[k].raise(s.speed[joint], s.acceleration[joint], s.jerk[joint]);
@@ -894,6 +903,7 @@ class Mover {
       }
       // The last and finest may have been glanced at alone.
       if (!at_once && look.factor > kEnough) look = look_at(b, instants(b, total), at_once, exceeded, out);
+      if (look.jump && exceeded.insert("jump").second) out.violations.push_back(*look.jump);
       const double factor = look.factor, duration = law_.block(b).moving();
       const int count = static_cast<int>(look.all.size()) - 1;
       out.checked += count + 1;
@@ -980,6 +990,33 @@ class Mover {
     v.limit = "singular";
     v.detail = "a singular pose: speeds and forces of the drives do not exist here";
     out.violations.push_back(v);
+  }
+
+  /// Whether a drive goes from one instant to the next where its speeds at both do not take it: past a nearly singular
+  /// pose that lies between, or into another posture. No drive does that, and what lies between is not judged.
+  [[nodiscard]] std::optional<MoveViolation> jump_between(const MoveSample& from, const MoveSample& to,
+                                                          double time) const {
+    if (!from.reached || !to.reached || !from.regular || !to.regular) return {};
+    for (int i = 0; i < follower_.joints(); ++i) {
+      const bool turns = kinematics::joint_kind(follower_.machine(), i) == machine::JointKind::revolute;
+      constexpr double kFewRad = 0.02, kFewMetres = 0.002;
+      const double change = to.q[i] - from.q[i], expected = 0.5 * time * (from.speed[i] + to.speed[i]),
+                   unsure = time * (std::abs(from.speed[i]) + std::abs(to.speed[i]));
+      if (!(std::abs(change - expected) > (turns ? kFewRad : kFewMetres) + unsure)) continue;
+      MoveViolation v;
+      v.t = to.t;
+      v.s = to.s;
+      v.p = to.X.p;
+      v.line = to.line;
+      v.kind = "branch";
+      v.limit = fmt::format("drive {} jumps", i + 1);
+      v.detail = fmt::format(
+          "drive {} jumps by {:.3g} {} within {:.2g} s: past a nearly singular pose or into another posture; a smaller "
+          "--step may find a way round",
+          i + 1, std::abs(turns ? units::to_deg(change) : units::to_mm(change)), turns ? "deg" : "mm", time);
+      return v;
+    }
+    return {};
   }
 
   /// Tool and drives at any time of the whole motion.
