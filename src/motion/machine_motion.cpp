@@ -1011,8 +1011,8 @@ class Mover {
       v.kind = "branch";
       v.limit = fmt::format("drive {} jumps", i + 1);
       v.detail = fmt::format(
-          "drive {} jumps by {:.3g} {} within {:.2g} s: past a nearly singular pose or into another posture; a smaller "
-          "--step may find a way round",
+          "drive {} jumps by {:.3g} {} within {:.2g} s: past a nearly singular pose or into another posture; look "
+          "closer with a smaller --step",
           i + 1, std::abs(turns ? units::to_deg(change) : units::to_mm(change)), turns ? "deg" : "mm", time);
       return v;
     }
