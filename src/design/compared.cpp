@@ -27,14 +27,6 @@ const Evaluation& judged(const Answer& answer, const Row& row) {
   return row.evaluation;
 }
 
-/// The goals, more is better.
-std::vector<double> goals_of(const Study& study, const Evaluation& e) {
-  std::vector<double> out;
-  for (std::size_t k = 0; k < study.goals.size(); ++k)  // goals come first among the figures
-    out.push_back(study.goals[k].maximise ? e.figures[k].value : -e.figures[k].value);
-  return out;
-}
-
 }  // namespace
 
 Result<Known> judge_compared(const Study& study, Store& store, const std::optional<JudgedAgain>& again,
@@ -85,12 +77,14 @@ Standing standing_of(const Answer& answer, const Row& known) {
   if (study.wants_front()) {
     const std::vector<std::size_t> front = front_of(study, answer.rows);
     if (front.empty()) return out;
-    const std::vector<double> goals = goals_of(study, known.evaluation);
+    // Certainly, so each at the bounds that speak against it.
+    const auto beats = [&](const Evaluation& a, const Evaluation& b) {
+      return dominates(goals_of(study, a, false), goals_of(study, b, true));
+    };
     for (const std::size_t i : front) {
-      const Evaluation& e = judged(answer, answer.rows[i]);
-      const std::vector<double> point = goals_of(study, e);
-      if (dominates(goals, point)) ++out.dominates;
-      if (e.state != State::done || !dominates(point, goals)) continue;
+      const Evaluation& point = judged(answer, answer.rows[i]);
+      if (beats(known.evaluation, point)) ++out.dominates;
+      if (point.state != State::done || !beats(point, known.evaluation)) continue;
       if (out.dominated_by++ == 0) out.by = answer.rows[i].row;
     }
     out.is = out.dominated_by > 0 ? Standing::Is::dominated : Standing::Is::not_dominated;

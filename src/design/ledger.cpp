@@ -186,7 +186,7 @@ std::int64_t Ledger::number(std::int64_t wanted) {
 }
 
 bool Ledger::counts(const Row& row) const {
-  return row.evaluation.state == State::done && (row.phase != Phase::start || is_candidate_);
+  return row.evaluation.state == State::done && is_candidate(row);
 }
 
 /// From now on new candidates are compared with this one.

@@ -946,6 +946,17 @@ class Mover {
     return {};
   }
 
+  static MoveViolation violation_at(const MoveSample& s, const char* kind, const std::string& limit) {
+    MoveViolation out;
+    out.t = s.t;
+    out.s = s.s;
+    out.p = s.X.p;
+    out.line = s.line;
+    out.kind = kind;
+    out.limit = limit;
+    return out;
+  }
+
   /// A limit that was given and is not kept, once, where it is first found.
   void report_exceeded(const MoveSample& s, std::set<std::string>& seen, MoveResult& out) const {
     const auto look = [&](double value, double limit, int who, int order) {
@@ -956,13 +967,7 @@ class Mover {
       const bool turns = who == -4 || (who >= 0 && out.drives[static_cast<std::size_t>(who)].turns);
       const auto shown = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
       const char* per[] = {"/s", "/s2", "/s3"};
-      MoveViolation v;
-      v.t = s.t;
-      v.s = s.s;
-      v.p = s.X.p;
-      v.line = path_.stretches[s.stretch].line;
-      v.kind = who < 0 ? "tool" : "drive";
-      v.limit = name;
+      MoveViolation v = violation_at(s, who < 0 ? "tool" : "drive", name);
       v.detail = fmt::format("{} {:.6g} {}{} is above {:.6g}", name, shown(std::abs(value)), turns ? "deg" : "mm",
                              per[order], shown(limit));
       out.violations.push_back(v);
@@ -981,13 +986,7 @@ class Mover {
   /// A pose at which no speeds of the drives give the motion of the tool: nothing that they do can be judged.
   void report_unknown(const MoveSample& s, std::set<std::string>& seen, MoveResult& out) const {
     if (!seen.insert("singular").second) return;
-    MoveViolation v;
-    v.t = s.t;
-    v.s = s.s;
-    v.p = s.X.p;
-    v.line = s.line;
-    v.kind = "singular";
-    v.limit = "singular";
+    MoveViolation v = violation_at(s, "singular", "singular");
     v.detail = "a singular pose: speeds and forces of the drives do not exist here";
     out.violations.push_back(v);
   }
@@ -999,17 +998,11 @@ class Mover {
     if (!from.reached || !to.reached || !from.regular || !to.regular) return {};
     for (int i = 0; i < follower_.joints(); ++i) {
       const bool turns = kinematics::joint_kind(follower_.machine(), i) == machine::JointKind::revolute;
-      constexpr double kFewRad = 0.02, kFewMetres = 0.002;
+      constexpr double kFewRad = 0.02, kFewMetres = 0.002;  // far above what speeds change by between two instants
       const double change = to.q[i] - from.q[i], expected = 0.5 * time * (from.speed[i] + to.speed[i]),
                    unsure = time * (std::abs(from.speed[i]) + std::abs(to.speed[i]));
       if (!(std::abs(change - expected) > (turns ? kFewRad : kFewMetres) + unsure)) continue;
-      MoveViolation v;
-      v.t = to.t;
-      v.s = to.s;
-      v.p = to.X.p;
-      v.line = to.line;
-      v.kind = "branch";
-      v.limit = fmt::format("drive {} jumps", i + 1);
+      MoveViolation v = violation_at(to, "branch", fmt::format("drive {} jumps", i + 1));
       v.detail = fmt::format(
           "drive {} jumps by {:.3g} {} within {:.2g} s: past a nearly singular pose or into another posture; look "
           "closer with a smaller --step",
@@ -1128,13 +1121,7 @@ class Mover {
       if (!(std::abs(s.force[i]) > options_.force[i])) continue;
       const std::string name = fmt::format("drive {} force", i + 1);
       if (!seen.insert(name).second) continue;
-      MoveViolation v;
-      v.t = s.t;
-      v.s = s.s;
-      v.p = s.X.p;
-      v.line = s.line;
-      v.kind = "drive";
-      v.limit = name;
+      MoveViolation v = violation_at(s, "drive", name);
       const char* unit = out.drives[static_cast<std::size_t>(i)].turns ? "Nm" : "N";
       v.detail = fmt::format("{} {:.6g} {} is above {:.6g}", name, std::abs(s.force[i]), unit, options_.force[i]);
       out.violations.push_back(v);

@@ -38,8 +38,8 @@ struct Standing {
     worse,          ///< of one best: its objective is certainly smaller
     alike,          ///< their bounds overlap
     better,         ///< certainly larger, or the best breaks a hold on the finer survey
-    dominated,      ///< of a front: a point is better in a goal and worse in none
-    not_dominated,  ///< no point is
+    dominated,      ///< of a front: a point is certainly better in a goal and worse in none
+    not_dominated,  ///< no point certainly is
     alone,          ///< it keeps all holds, and the search found nothing that does
   };
   Is is = Is::alone;
@@ -49,8 +49,8 @@ struct Standing {
   int dominates = 0;     ///< points of the front that it dominates
   bool outside = false;  ///< it is no candidate: outside of the ranges, or beside the steps and lists
 };
-/// Where one of Known::rows stands. Figures that a study surveys are means over samples: points of a front are compared
-/// by their values.
+/// Where one of Known::rows stands. What is said holds for all values within the proven bounds of volumes; figures that
+/// a study surveys are means over samples, and count as they are.
 Standing standing_of(const Answer& answer, const Row& known);
 /// "no solution", "worse", "alike", "better", "dominated", "not dominated", "alone".
 const char* name_of(Standing::Is is);
