@@ -1004,9 +1004,8 @@ class Mover {
       if (!(std::abs(change - expected) > (turns ? kFewRad : kFewMetres) + unsure)) continue;
       MoveViolation v = violation_at(to, "branch", fmt::format("drive {} jumps", i + 1));
       v.detail = fmt::format(
-          "drive {} jumps by {:.3g} {} within {:.2g} s: past a nearly singular pose or into another posture; look "
-          "closer with a smaller --step",
-          i + 1, std::abs(turns ? units::to_deg(change) : units::to_mm(change)), turns ? "deg" : "mm", time);
+          "drive {} jumps by {:.3g} {} within {:.2g} s: past a nearly singular pose or into another posture", i + 1,
+          std::abs(turns ? units::to_deg(change) : units::to_mm(change)), turns ? "deg" : "mm", time);
       return v;
     }
     return {};
