@@ -779,7 +779,8 @@ Command move_command() {
                  "deg/s2 or mm/s2 (default 250 rad/s2, m/s2; 0: no limit)");
         a.option("--drive-jerk", o->drive_jerk, "deg/s3 or mm/s3 (default 2e4 rad/s3, m/s3; 0: no limit)");
         o->masses.declare(a);
-        a.option("--step", o->step, kStep_mm, "Between judged points of the path, mm (default 1)");
+        a.option("--step", o->step, kStep_mm,
+                 "Between judged points of the path, mm, and deg where the tool turns (default 1)");
         a.option("--samples", o->samples, {2, 100000}, "Of tables and curves (default 1000)");
         a.option("--condition-max", o->condition, {0, 1e12},
                  "Poses with a larger condition number are near-singular (default 1000; 0: not judged)");
@@ -815,6 +816,7 @@ Command move_command() {
         motion::MoveOptions& options = asked.options;
         POLYPOD_TRY(limits_of(placed.job, *o, context, options));
         options.step = units::from_mm(o->step);
+        options.turn_step *= o->step;
         options.samples = o->samples;
         options.condition = o->condition;
         options.singular_distance = units::from_mm(o->clearance);

@@ -71,8 +71,8 @@ class Follower {
     return static_cast<std::size_t>(it - begins_.begin()) - 1;
   }
 
-  /// With the joints that are the nearest to `near`, or the solution `which` of the list; limits and condition where
-  /// they are asked for.
+  /// With the joints that are the nearest to `near`, within their ranges or not, or the solution `which` of the list;
+  /// limits and condition where they are asked for.
   [[nodiscard]] State state(std::size_t stretch, double u, const JointVector& near, std::size_t which = 0,
                             bool judged = true) const {
     State out;
@@ -80,9 +80,10 @@ class Follower {
     out.X = target;
     std::optional<InverseResult> beside;
     if (near.size() > 0) beside = found_beside(target, near);
-    const InverseResult result = beside            ? std::move(*beside)
-                                 : near.size() > 0 ? kinematics::inverse_near(machine_, target, near)
-                                                   : kinematics::inverse(machine_, target);
+    InverseResult result = beside            ? std::move(*beside)
+                           : near.size() > 0 ? kinematics::inverse_near(machine_, target, near)
+                                             : kinematics::inverse(machine_, target);
+    if (near.size() > 0 && !beside) nearest_first(result, near);
     if (result.solutions.empty()) {
       out.reason = result.reason;
       out.clearance = 0;
@@ -102,27 +103,11 @@ class Follower {
   }
 
   /// Points of the whole path in rising order, from one solution of the first; stops at the first thing that is broken
-  /// where `all` is not asked for.
+  /// where `all` is not asked for. Where a drive turns far from one to the next, points stand between them, and at the
+  /// poses that are the nearest to singular ones.
   [[nodiscard]] std::vector<Node> track(std::size_t start, bool all) const {
-    std::vector<Node> out;
-    JointVector near;
-    for (std::size_t k = 0; k < path_.stretches.size(); ++k) {
-      const int pieces = pieces_of(k);
-      for (int i = 0; i <= pieces; ++i) {
-        constexpr std::size_t kNowAndThen = 16;
-        if (options_.progress && out.size() % kNowAndThen == 0 && !options_.progress(0.1 * begins_[k] / path_.size)) {
-          return out;  // the caller asks again
-        }
-        Node node{k, path_.stretches[k].size * i / pieces, 0, {}};
-        node.s = begins_[k] + node.u;
-        node.state = state(k, node.u, near, near.size() == 0 ? start : 0);
-        const bool broken = !node.state.reached || node.state.violations != 0 || singular(node.state) ||
-                            (near.size() > 0 && jumps(near, node.state.q));
-        if (node.state.reached) near = node.state.q;
-        out.push_back(std::move(node));
-        if (broken && !all) return out;
-      }
-    }
+    std::vector<Node> out = walk(start, all);
+    add_peaks(out);
     return out;
   }
   [[nodiscard]] int pieces_of(std::size_t stretch) const {
@@ -137,6 +122,9 @@ class Follower {
     if (has_clearance_) return options_.singular_distance > 0 && s.clearance < options_.singular_distance;
     return s.reached && options_.condition > 0 && !(s.condition <= options_.condition);
   }
+  /// How near to singular a pose is, the larger the nearer.
+  [[nodiscard]] double closeness_of(const State& s) const { return has_clearance_ ? -s.clearance : s.condition; }
+
   /// Of machines whose inverse is a search the solution beside `near`, where there is one that keeps its branch: within
   /// its limits or not, so that no search from elsewhere is needed.
   [[nodiscard]] std::optional<InverseResult> found_beside(const Pose& target, const JointVector& near) const {
@@ -145,17 +133,10 @@ class Follower {
           if constexpr (requires { inverse_from(m, target, near); }) {
             if (has_closed_inverse(m)) return {};
             InverseResult found = inverse_from(m, target, near);
-            const auto moves = [&](const Solution& s) { return (s.joints - near).cwiseAbs().maxCoeff(); };
-            for (Solution& s : found.solutions) {
-              for (int i = 0; i < joints_; ++i) {
-                constexpr double kTurn = 2 * std::numbers::pi;
-                if (kinematics::joint_kind(machine_, i) != machine::JointKind::revolute) continue;
-                s.joints[i] += kTurn * std::round((near[i] - s.joints[i]) / kTurn);
-              }
-            }
-            const auto best =
-                std::min_element(found.solutions.begin(), found.solutions.end(),
-                                 [&](const Solution& a, const Solution& b) { return moves(a) < moves(b); });
+            for (Solution& s : found.solutions) s.joints = turned_to(s.joints, near);
+            const auto best = std::min_element(
+                found.solutions.begin(), found.solutions.end(),
+                [&](const Solution& a, const Solution& b) { return moved(near, a.joints) < moved(near, b.joints); });
             if (best == found.solutions.end() || jumps(near, best->joints)) return {};
             found.solutions = {*best};
             return found;
@@ -163,6 +144,33 @@ class Follower {
           return {};
         },
         machine_);
+  }
+  /// The same joints in the turns that are the nearest to `near`, whatever their ranges.
+  [[nodiscard]] JointVector turned_to(JointVector q, const JointVector& near) const {
+    constexpr double kTurn = 2 * std::numbers::pi;
+    for (int i = 0; i < joints_; ++i) {
+      if (kinematics::joint_kind(machine_, i) != machine::JointKind::revolute) continue;
+      q[i] += kTurn * std::round((near[i] - q[i]) / kTurn);
+    }
+    return q;
+  }
+  static double moved(const JointVector& from, const JointVector& to) { return (to - from).cwiseAbs().maxCoeff(); }
+  /// Ranges do not choose the solution on a way: a posture is kept until a joint meets its range, which is said then.
+  void nearest_first(InverseResult& result, const JointVector& near) const {
+    std::size_t best = 0;
+    JointVector joints;
+    double least = kNoLimit;
+    for (std::size_t k = 0; k < result.solutions.size(); ++k) {
+      JointVector turned = turned_to(result.solutions[k].joints, near);
+      const double by = moved(near, turned);
+      if (!(by < least)) continue;
+      least = by;
+      best = k;
+      joints = std::move(turned);
+    }
+    if (!std::isfinite(least)) return;
+    std::swap(result.solutions.front(), result.solutions[best]);
+    result.solutions.front().joints = std::move(joints);
   }
   /// Whether a drive goes so far that it may have changed its branch.
   [[nodiscard]] bool jumps(const JointVector& from, const JointVector& to) const {
@@ -183,6 +191,98 @@ class Follower {
   }
 
  private:
+  [[nodiscard]] std::vector<Node> walk(std::size_t start, bool all) const {
+    std::vector<Node> out;
+    JointVector near;
+    for (std::size_t k = 0; k < path_.stretches.size(); ++k) {
+      const int pieces = pieces_of(k);
+      const double size = path_.stretches[k].size;
+      for (int i = 0; i <= pieces; ++i) {
+        constexpr std::size_t kNowAndThen = 16;
+        if (options_.progress && out.size() % kNowAndThen == 0 && !options_.progress(0.1 * begins_[k] / path_.size)) {
+          return out;  // the caller asks again
+        }
+        for (std::vector<double> ahead{size * i / pieces}; !ahead.empty();) {
+          Node node{k, ahead.back(), 0, {}};
+          node.s = begins_[k] + node.u;
+          node.state = state(k, node.u, near, near.size() == 0 ? start : 0);
+          constexpr double kLeast = 1e-9;  // of the stretch: what turns far over less jumps
+          const bool far = i > 0 && node.state.reached && out.back().state.reached &&
+                           (node.state.branch != out.back().state.branch || goes_far(near, node.state.q));
+          if (far && node.u - out.back().u > kLeast * size) {
+            ahead.push_back(0.5 * (out.back().u + node.u));
+            continue;
+          }
+          ahead.pop_back();
+          const bool broken = !node.state.reached || node.state.violations != 0 || singular(node.state) ||
+                              (near.size() > 0 && jumps(near, node.state.q));
+          if (node.state.reached) near = node.state.q;
+          out.push_back(std::move(node));
+          if (broken && !all) return out;
+        }
+      }
+    }
+    return out;
+  }
+  /// So far that another solution may be the nearer one: two postures of a wrist are half a turn apart.
+  [[nodiscard]] bool goes_far(const JointVector& from, const JointVector& to) const {
+    constexpr double kFar = 0.25;  // rad
+    for (int i = 0; i < joints_; ++i) {
+      const bool turns = kinematics::joint_kind(machine_, i) == machine::JointKind::revolute;
+      if (turns && std::abs(to[i] - from[i]) > kFar) return true;
+    }
+    return jumps(from, to);
+  }
+
+  /// Between points of which the middle one is the nearest to a singular pose stands a nearer one: it is added, where
+  /// it matters.
+  void add_peaks(std::vector<Node>& track) const {
+    double nearest = -kNoLimit;
+    for (const Node& n : track)
+      if (n.state.reached) nearest = std::max(nearest, closeness_of(n.state));
+    constexpr double kShare = 0.05, kTimes = 3;  // of the condition number, of the distance
+    const double matters =
+        std::min(nearest, has_clearance_ ? -kTimes * options_.singular_distance : kShare * options_.condition);
+    std::vector<Node> peaks;
+    for (std::size_t i = 1; i + 1 < track.size(); ++i) {
+      const Node &a = track[i - 1], &b = track[i], &c = track[i + 1];
+      if (a.stretch != b.stretch || c.stretch != b.stretch) continue;
+      if (!a.state.reached || !b.state.reached || !c.state.reached) continue;
+      const double here = closeness_of(b.state);
+      if (!(here >= matters && here >= closeness_of(a.state) && here >= closeness_of(c.state))) continue;
+      if (here == closeness_of(a.state) && here == closeness_of(c.state)) continue;
+      peaks.push_back(peak_between(a.u, c.u, b));
+    }
+    track.insert(track.end(), peaks.begin(), peaks.end());
+    std::stable_sort(track.begin(), track.end(), [](const Node& a, const Node& b) { return a.s < b.s; });
+  }
+  /// By golden sections of [low, high], with the joints beside those of `beside`.
+  [[nodiscard]] Node peak_between(double low, double high, const Node& beside) const {
+    constexpr double kGolden = 0.6180339887498949;
+    constexpr int kSections = 40;
+    const auto at = [&](double u) {
+      Node out{beside.stretch, u, begins_[beside.stretch] + u, {}};
+      out.state = state(beside.stretch, u, beside.state.q);
+      return out;
+    };
+    Node left = at(high - kGolden * (high - low)), right = at(low + kGolden * (high - low));
+    Node best = beside;
+    for (int k = 0; k < kSections && left.state.reached && right.state.reached; ++k) {
+      for (const Node* n : {&left, &right})
+        if (closeness_of(n->state) > closeness_of(best.state)) best = *n;
+      if (closeness_of(left.state) > closeness_of(right.state)) {
+        high = right.u;
+        right = std::move(left);
+        left = at(high - kGolden * (high - low));
+      } else {
+        low = left.u;
+        left = std::move(right);
+        right = at(low + kGolden * (high - low));
+      }
+    }
+    return best;
+  }
+
   const AnyMachine& machine_;
   const PosePath& path_;
   const MoveOptions& options_;
@@ -458,10 +558,15 @@ class Mover {
     if (follower_.has_clearance()) out.clearance = clearance;
   }
 
-  /// Joints of the track next to a place.
+  /// Joints of the track at a place, between those of its points.
   [[nodiscard]] JointVector near(std::size_t stretch, double u) const {
     const double s = follower_.begin(stretch) + u;
     auto it = std::upper_bound(track_.begin(), track_.end(), s, [](double x, const Node& n) { return x < n.s; });
+    if (it != track_.begin() && it != track_.end()) {
+      const Node &a = *(it - 1), &b = *it;
+      if (a.stretch == b.stretch && a.state.reached && b.state.reached && !follower_.jumps(a.state.q, b.state.q))
+        return a.state.q + (s - a.s) / (b.s - a.s) * (b.state.q - a.state.q);
+    }
     while (it != track_.begin()) {
       --it;
       if (it->state.reached) return it->state.q;

@@ -833,6 +833,51 @@ TEST(Move, ASingularPoseIsNamedEvenWhereClosenessIsNotJudged) {
   EXPECT_EQ(found, 1);
 }
 
+// A wrist that is passed at the distance d from its singular pose keeps its posture: drive 4 turns by nearly half a
+// turn, as the triangle of the tool axis with joint 4 says, however near it is, and the condition number is that there.
+TEST(Move, ANearlySingularWristIsPassedInItsPosture) {
+  const AnyMachine m = load("puma560");
+  constexpr double kAside = 0.1;  // rad, to both sides
+  for (const double d : {1e-2, 1e-3, 1e-4, 1e-5}) {
+    JointVector q(6);
+    q << 0.2, 0.7, -1.0, 0, d, 0;
+    const Pose middle = kinematics::forward(m, q).poses.front();
+    Vec3 across = middle.R.col(2);  // about which the tool axis turns past joint 4: in the plane of both
+    q[4] = -1.5;
+    across = kinematics::forward(m, q).poses.front().R.col(2).cross(across).cross(across).normalized();
+    const auto target = [&](double turn) {
+      return TargetPose{middle.p, angles_abc(Eigen::AngleAxisd(turn, across).toRotationMatrix() * middle.R)};
+    };
+    const PosePath path = *pose_path_of({*straight(target(-kAside), target(kAside), Turning::turn)});
+    MoveOptions options;
+    options.law = Law::fastest;
+    options.limits.turn_speed = 1;
+    const auto starts = kinematics::inverse(m, path.stretches.front().pose(0)).solutions;
+    double sharpest = 0;
+    for (std::size_t start = 0; start < starts.size(); ++start) {
+      if (std::abs(starts[start].joints[1] - q[1]) > 1e-6) continue;  // the arm's other postures
+      options.start = start;
+      const auto r = move(m, path, options);
+      ASSERT_TRUE(r);
+      const MoveDrive& drive = r->drives[3];
+      EXPECT_NEAR(drive.high - drive.low, 2 * std::atan2(std::tan(kAside), std::sin(d)), 1e-3) << d << ' ' << start;
+      for (const MoveViolation& v : r->violations) EXPECT_NE(v.kind, "branch") << d << ' ' << start << ": " << v.detail;
+      const bool said = std::any_of(r->violations.begin(), r->violations.end(),
+                                    [](const MoveViolation& v) { return v.kind == "singular"; });
+      EXPECT_EQ(said, r->worst_condition > options.condition) << d << ' ' << start;
+      sharpest = std::max(sharpest, r->worst_condition);
+    }
+    double there = 0;
+    for (int k = -5000; k <= 5000; ++k) {
+      const double turn = 1e-3 * k * d;
+      q[3] = std::atan2(std::tan(turn), std::sin(d));
+      q[4] = std::acos(std::cos(d) * std::cos(turn));
+      there = std::max(there, kinematics::dexterity(m, middle, q).condition);
+    }
+    EXPECT_NEAR(sharpest / there, 1, 1e-3) << d;
+  }
+}
+
 TEST(Move, LimitsAreFoundWhereTheyAreBroken) {
   const AnyMachine any = load("hexapod-strut");
   const auto& m = std::get<machine::StrutHexapod>(any);
