@@ -28,7 +28,7 @@ using motion::SimulationSample;
 constexpr config::Range kTime_s{1e-6, 1e4}, kInterval_ms{1e-6, 1e6};
 
 struct Options {
-  std::string machine, pose, speeds, dynamics, forces, csv;
+  std::string machine, pose, start, speeds, dynamics, forces, csv;
   std::vector<std::string> sets;
   double time = 1, interval_ms = 1;
 };
@@ -106,6 +106,19 @@ Result<JointVector> speeds_of(const AnyMachine& m, const std::string& text) {
   return out;
 }
 
+/// All solutions at the pose, or the one that --start numbers alone.
+Status choose(kinematics::InverseResult& inverse, const std::string& start) {
+  if (start.empty() || inverse.solutions.empty()) return {};
+  POLYPOD_ASSIGN(k, count_of(start, "--start", {1, 1000}, ""));
+  const std::size_t known = inverse.solutions.size(), place = static_cast<std::size_t>(k) - 1;
+  if (place >= known) {
+    return fail("MO119", fmt::format("--start {}: the pose has {} solution{}", k, known, known == 1 ? "" : "s"), {},
+                "take one of these; `polypod ik` lists them");
+  }
+  inverse.solutions = {kinematics::Solution(inverse.solutions[place])};
+  return {};
+}
+
 std::string table_of(const AnyMachine& m, const Simulation& run) {
   const int n = kinematics::joint_count(m);
   std::vector<std::string> columns{"time_s", "x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"};
@@ -148,7 +161,13 @@ std::vector<DriveRange> ranges_of(const Simulation& run) {
 constexpr const char* kNotJudged =
     "dry friction, brakes, stops at the ends of the ranges, collisions, what the drives can give";
 
-Json document_of(const AnyMachine& m, const Simulation& run) {
+/// The solution of the inverse at which the machine begins.
+struct Start {
+  std::string branch;
+  std::size_t of = 0;
+};
+
+Json document_of(const AnyMachine& m, const Simulation& run, const Start& start) {
   Json drives = Json::array(), passed = Json::array();
   const std::vector<DriveRange> ranges = ranges_of(run);
   for (std::size_t i = 0; i < ranges.size(); ++i) {
@@ -168,11 +187,17 @@ Json document_of(const AnyMachine& m, const Simulation& run) {
                 {"kinetic_J", s.energy.kinetic},
                 {"potential_J", s.energy.potential}};
   };
-  return {{"time_s", last.t},        {"stopped", run.stopped.empty() ? Json() : Json(run.stopped)},
-          {"start", end(first)},     {"end", end(last)},
-          {"work_J", last.work},     {"energy_drift_J", run.drift},
-          {"steps", run.steps},      {"steps_repeated", run.repeated},
-          {"drives", drives},        {"passed", passed},
+  return {{"time_s", last.t},
+          {"stopped", run.stopped.empty() ? Json() : Json(run.stopped)},
+          {"branch", start.branch},
+          {"start", end(first)},
+          {"end", end(last)},
+          {"work_J", last.work},
+          {"energy_drift_J", run.drift},
+          {"steps", run.steps},
+          {"steps_repeated", run.repeated},
+          {"drives", drives},
+          {"passed", passed},
           {"not_judged", kNotJudged}};
 }
 
@@ -184,9 +209,10 @@ std::string place_of(const Pose& X) {
                      fmt::join(out.begin() + 3, out.end(), ", "));
 }
 
-void print_release(const AnyMachine& m, const Simulation& run, const std::string& note) {
+void print_release(const AnyMachine& m, const Simulation& run, const Start& start, const std::string& note) {
   const SimulationSample &first = run.samples.front(), &last = run.samples.back();
   fmt::print("time     {} s in {} steps\n", figure(last.t, 4), run.steps);
+  if (start.of > 1) fmt::print("branch   {} (of {} solutions at the start)\n", start.branch, start.of);
   fmt::print("tip      from {}\n         to   {}\n", place_of(first.X), place_of(last.X));
   fmt::print("{:<8} {:>10} {:>10} {:>12} {:>14}\n", "", "min", "max", "speed /s", "acceler. /s2");
   const std::vector<DriveRange> ranges = ranges_of(run);
@@ -202,7 +228,7 @@ void print_release(const AnyMachine& m, const Simulation& run, const std::string
   const auto joule = [&](double energy) { return figure(std::abs(energy) < least ? 0.0 : energy, 3); };
   fmt::print("energy   kinetic {} J at the end; height gave {} J, drives less viscous friction {} J\n",
              joule(last.energy.kinetic), joule(height), joule(last.work));
-  fmt::print("         they balance within {:.1g} J, the error of the integration\n", run.drift);
+  fmt::print("         they balance within {:.1g} J, the error of the integration\n", least);
   for (const motion::LimitPassed& p : run.passed) fmt::print("problem  after {:.4g} s: {}\n", p.t, p.limit);
   if (!run.stopped.empty()) fmt::print("stopped  {}\n", run.stopped);
   fmt::print("note     {}\n", note);
@@ -219,6 +245,8 @@ Command release_command() {
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
         a.option("--pose", o->pose, "Where it begins: the coordinates of the machine's task, mm and deg", true);
+        a.option("--start", o->start,
+                 "Solution of the inverse there, by its number (default: the first within the limits)");
         a.option("--speeds", o->speeds, "Of the drives at the start, deg/s or mm/s, one a drive (default: at rest)");
         a.option("--dynamics", o->dynamics,
                  "A file with the table `dynamics`: masses (default: that of the machine file)");
@@ -250,19 +278,22 @@ Command release_command() {
             return table.at(t);
           };
         }
-        const kinematics::InverseResult inverse = kinematics::inverse(m, X);
+        kinematics::InverseResult inverse = kinematics::inverse(m, X);
+        const std::size_t known = inverse.solutions.size();
+        POLYPOD_TRY(choose(inverse, o->start));
         const kinematics::Solution* start = inverse.reachable();
         if (start == nullptr) return cannot_take(context, kinematics::reason_of(m, inverse));
+        const Start named{kinematics::branch_name(m, start->branch), known};
         options.progress = progress_line(context, "moving");
         POLYPOD_ASSIGN(run, motion::simulate(m, *masses.dynamics, kinematics::settled(m, X, start->joints),
                                              start->joints, speeds, options));
         options.progress(1);
         if (context.json) {
-          Json document = document_of(m, run);
+          Json document = document_of(m, run, named);
           document["notes"] = Json::array({in_words(*masses.dynamics)});
           print_json(document);
         } else {
-          print_release(m, run, in_words(*masses.dynamics));
+          print_release(m, run, named, in_words(*masses.dynamics));
         }
         if (!o->csv.empty()) {
           files::Outputs together;
