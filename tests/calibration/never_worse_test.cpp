@@ -40,35 +40,37 @@ std::string name(const Case& c) {
   return out;
 }
 
-std::vector<Case> cases() {
-  const std::vector<std::uint64_t> ten{1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
-  if (std::getenv("POLYPOD_LONG") == nullptr) {
-    return {{"pi850.toml", Kind::gauge, {9}},
-            {"kossel.toml", Kind::gauge, {1, 2}},
-            {"hexaglide.toml", Kind::pose, {1, 2, 3}},
-            {"hexapod-strut", Kind::point, {1, 2}},
-            {"lola50", Kind::gauge, {1}},
-            {"lola50", Kind::axis, {1}},
-            {"delta-brno", Kind::distance, ten},
-            {"delta-brno", Kind::contact, ten},
-            {"pi850.toml", Kind::distance, ten},
-            {"dynapod", Kind::axis, ten},
-            {"dynapod", Kind::pose, ten},
-            {"hexaglide.toml", Kind::point, {7}},
-            {"delta-linear", Kind::contact, {1}},
-            {"hexapod-octahedral", Kind::pose, {1}},
-            {"hexapod-strut", Kind::contact, {1}},
-            {"hexa", Kind::contact, {5}},
-            {"hexapod-strut", Kind::point, {1, 2, 3}, 0.01},
-            {"delta-linear", Kind::point, {1, 2, 3}, 0.1},
-            {"lola50", Kind::pose, {1, 2, 3}, 0.01}};
-  }
+const std::vector<std::uint64_t> kTen{1, 2, 3, 4, 5, 6, 7, 8, 9, 10};
+std::vector<Case> daily_cases() {
+  return {{"pi850.toml", Kind::gauge, {9}},
+          {"kossel.toml", Kind::gauge, {1, 2}},
+          {"hexaglide.toml", Kind::pose, {1, 2, 3}},
+          {"hexapod-strut", Kind::point, {1, 2}},
+          {"lola50", Kind::gauge, {1}},
+          {"lola50", Kind::axis, {1}},
+          {"delta-brno", Kind::distance, kTen},
+          {"delta-brno", Kind::contact, kTen},
+          {"pi850.toml", Kind::distance, kTen},
+          {"dynapod", Kind::axis, kTen},
+          {"dynapod", Kind::pose, kTen},
+          {"hexaglide.toml", Kind::point, {7}},
+          {"delta-linear", Kind::contact, {1}},
+          {"hexapod-octahedral", Kind::pose, {1}},
+          {"hexapod-strut", Kind::contact, {1}},
+          {"hexa", Kind::contact, {5}},
+          {"hexapod-strut", Kind::point, {1, 2, 3}, 0.01},
+          {"delta-linear", Kind::point, {1, 2, 3}, 0.1},
+          {"lola50", Kind::pose, {1, 2, 3}, 0.01}};
+}
+/// None where POLYPOD_LONG is not set.
+std::vector<Case> long_cases() {
+  if (std::getenv("POLYPOD_LONG") == nullptr) return {};
   std::vector<std::string> machines{"pi850.toml", "kossel.toml", "hexaglide.toml"};
   for (const machine::CatalogueEntry& entry : machine::catalogue()) machines.emplace_back(entry.name);
   std::vector<Case> out;
   for (const std::string& one : machines)
     for (const Kind kind : {Kind::point, Kind::axis, Kind::pose, Kind::distance, Kind::gauge, Kind::contact})
-      for (const double size : {1.0, 0.1, 0.01}) out.push_back({one, kind, ten, size});
+      for (const double size : {1.0, 0.1, 0.01}) out.push_back({one, kind, kTen, size});
   return out;
 }
 
@@ -142,8 +144,10 @@ Errors errors(const AnyMachine& nominal, const AnyMachine& truth, const Calibrat
 }
 
 class NeverWorse : public testing::TestWithParam<Case> {};
-INSTANTIATE_TEST_SUITE_P(Calibrate, NeverWorse, testing::ValuesIn(cases()),
-                         [](const auto& one) { return name(one.param); });
+const auto named = [](const auto& one) { return name(one.param); };
+INSTANTIATE_TEST_SUITE_P(Daily, NeverWorse, testing::ValuesIn(daily_cases()), named);
+INSTANTIATE_TEST_SUITE_P(Long, NeverWorse, testing::ValuesIn(long_cases()), named);
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(NeverWorse);
 
 TEST_P(NeverWorse, NoCoordinateOrTheVerdictSaysNo) {
   const Case& one = GetParam();

@@ -5,7 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include <cstdlib>
 #include <fstream>
 #include <numbers>
 
@@ -89,18 +88,11 @@ std::vector<std::string> catalogue_names() {
 }
 
 class EveryMachine : public ::testing::TestWithParam<std::string> {};
-/// One of each kind every day, all of them where POLYPOD_LONG is set.
-std::vector<std::string> some_names() {
-  if (std::getenv("POLYPOD_LONG") != nullptr) return catalogue_names();
-  return {"lola50", "ur10e", "hexapod-strut", "hexapod-slider", "delta-brno", "tripod-z3", "tricept-wrist"};
-}
-class SomeMachine : public ::testing::TestWithParam<std::string> {};
 const auto named = [](const auto& which) {
   std::string name = which.param;
   std::replace(name.begin(), name.end(), '-', '_');
   return name;
 };
-INSTANTIATE_TEST_SUITE_P(Catalogue, SomeMachine, ::testing::ValuesIn(some_names()), named);
 INSTANTIATE_TEST_SUITE_P(Catalogue, EveryMachine, ::testing::ValuesIn(catalogue_names()), named);
 
 /// Against differences of eighth order of the inverse along the way: their own error is some 1e-12 / h^k of rounding
@@ -148,7 +140,7 @@ TEST_P(EveryMachine, DerivativesOfTheDrivesAreThoseOfTheInverse) {
 
 /// In the least time: nothing is exceeded at ten thousand instants that are not those of the planner's own check, some
 /// limit is met, the drives' derivatives are those of their positions, and it ends where it should.
-TEST_P(SomeMachine, TheLeastTimeKeepsAllLimitsAndMeetsSome) {
+TEST_P(EveryMachine, TheLeastTimeKeepsAllLimitsAndMeetsSome) {
   const AnyMachine m = load(GetParam());
   const PosePath path = *pose_path_of({short_way(m)});
   const int n = kinematics::joint_count(m);
@@ -717,7 +709,7 @@ TEST(PosePath, SplinesGoThroughTheirPoints) {
 }
 
 /// Steps that are ten times finer change nothing that counts.
-TEST_P(SomeMachine, FinerStepsPlanTheSame) {
+TEST_P(EveryMachine, FinerStepsPlanTheSame) {
   const AnyMachine m = load(GetParam());
   for (const double share : {0.001, 0.01}) {
     const PosePath path = *pose_path_of({short_way(m, share)});
