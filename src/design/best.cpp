@@ -259,12 +259,7 @@ Status find_by_models(Ledger& ledger) {
 }  // namespace
 
 Status find_best(Ledger& ledger) {
-  // Models of what is known pay where an evaluation is dearer than a step of theirs, and there are few.
-  constexpr std::int64_t kMostForModels = 600;
-  constexpr std::size_t kMostParameters = 20;
-  const bool few = ledger.left() <= kMostForModels && ledger.n() <= kMostParameters;
-  const Search search = ledger.study().search;
-  if (search == Search::models || (search == Search::automatic && few)) return find_by_models(ledger);
+  if (takes_models(ledger)) return find_by_models(ledger);
   // As many starts as have enough evaluations to find their hill; a fifth is kept for the best of them. One start alone
   // must do with its evolution, of several each goes up what it finds. On hills like those of JEL's rail hexapods three
   // starts with 200 evaluations find the highest of three with 17 of 30 seeds, one start with 3.

@@ -33,4 +33,12 @@ inline bool improve(const Ledger& ledger, Member& best, const Member& m) {
 /// evaluations are left or nothing new is found. The rows decide it, and the seed: not the number of threads.
 Status expect(Ledger& ledger, std::int64_t end, Member& best);
 
+/// The same for a front, with a model of each goal: a candidate is where the front is expected to be pushed out the
+/// most along a direction that is drawn for it. Everything that was asked for, until no evaluation is left or nothing
+/// new is found.
+Result<std::vector<Member>> expect_front(Ledger& ledger);
+
+/// Models of what is known pay where an evaluation is dearer than a step of theirs, and there are few.
+bool takes_models(const Ledger& ledger);
+
 }  // namespace polypod::design

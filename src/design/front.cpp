@@ -1,10 +1,10 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// The search for a front: NSGA-II (Deb 2002).
+// The search for a front: models where there are few evaluations, then and else NSGA-II (Deb 2002).
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "ledger.hpp"
+#include "models.hpp"
 
 namespace polypod::design {
 namespace {
@@ -20,15 +20,6 @@ struct Sorted {
     return front[a] != front[b] ? front[a] < front[b] : crowding[a] > crowding[b];
   }
 };
-
-std::vector<double> middle_goals(const Study& study, const Evaluation& e) {
-  std::vector<double> out = goals_of(study, e, false), hopeful = goals_of(study, e, true);
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    out[i] = 0.5 * (out[i] + hopeful[i]);
-    if (std::isnan(out[i])) out[i] = -kInf;
-  }
-  return out;
-}
 
 Sorted sorted(const Ledger& ledger, const std::vector<Member>& members) {
   const std::size_t n = members.size();
@@ -142,8 +133,14 @@ std::vector<Member> survivors(const Ledger& ledger, std::vector<Member>& parents
 
 Status find_front(Ledger& ledger) {
   const auto size = static_cast<std::size_t>(std::clamp<std::int64_t>(ledger.left() / 12, 8, 100));
-  std::vector<Member> population = ledger.latin(size, true);
-  POLYPOD_TRY(ledger.ask(population, Phase::sample));
+  std::vector<Member> population;
+  if (takes_models(ledger)) {
+    POLYPOD_ASSIGN(found, expect_front(ledger));
+    population = std::move(found);
+  } else {
+    population = ledger.latin(size, true);
+    POLYPOD_TRY(ledger.ask(population, Phase::sample));
+  }
   int idle = 0;
   constexpr int kIdle = 30;  // generations without a new candidate
   while (!ledger.over() && population.size() >= 2 && idle < kIdle) {

@@ -527,10 +527,6 @@ Result<Study> study_of(const config::Table& table, const std::string& name, cons
                   "figures of different units add up only as shares: give the value that counts as 1");
     }
   }
-  if (s.search == Search::models && s.wants_front()) {
-    return fail("OP118", "models are made for one machine, and this study wants a front", table.place_of("search"),
-                "leave search out, or give the goals weights");
-  }
   POLYPOD_TRY(judge_keys(s));
   POLYPOD_TRY(judge_cell_figures(s));
   for (const Goal& g : s.goals) POLYPOD_TRY(has_figure(s, g.figure, g.place));

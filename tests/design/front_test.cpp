@@ -105,10 +105,17 @@ Study known_goals(std::size_t goals, int evaluations, int seed) {
   return study_on_strut(text);
 }
 
-/// Fronts whose hypervolume is known in closed form (Zitzler, Deb and Thiele 2000; Deb et al. 2002), with 5 000
-/// evaluations. The bounds are the least of three seeds of NSGA-II of DEAP 1.3 with 5 000 (all candidates of
-/// tests/design/front_peer); of ZDT2 DEAP's least is 0.9676, and one of our three seeds ends at 0.905.
-TEST(Front, OfKnownProblemsBesideTheirHypervolumes) {
+/// A front whose hypervolume below (1.1, 1.1, ...) is known in closed form (Zitzler, Deb and Thiele 2000; Deb et al.
+/// 2002).
+struct KnownFront {
+  const char* name;
+  std::size_t goals;
+  KnownCrew::Function f;
+  double exact;
+  double by_models;  ///< with 150 evaluations, less than the least of three seeds (0.988, 0.952, 0.694)
+  double peer;       ///< the least share of three seeds of NSGA-II of DEAP 1.3 with 5 000 evaluations (front_peer)
+};
+std::vector<KnownFront> known_fronts() {
   using Function = KnownCrew::Function;
   const auto zdt = [](double power) -> Function {
     return [power](const std::vector<double>& u) -> std::vector<double> {
@@ -123,25 +130,43 @@ TEST(Front, OfKnownProblemsBesideTheirHypervolumes) {
     const double a = 90 * kDeg * u[0], b = 90 * kDeg * u[1];
     return {g * std::cos(a) * std::cos(b), g * std::cos(a) * std::sin(b), g * std::sin(a)};
   };
-  for (const auto& [name, goals, f, exact, peer] : {std::tuple{"ZDT1", 2, zdt(0.5), 1.21 - 1.0 / 3, kPeerZdt1},
-                                                    {"ZDT2", 2, zdt(2), 1.21 - 2.0 / 3, kPeerZdt2},
-                                                    {"DTLZ2", 3, dtlz2, 1.331 - std::numbers::pi / 6, kPeerDtlz2}}) {
+  return {{"ZDT1", 2, zdt(0.5), 1.21 - 1.0 / 3, 0.98, kPeerZdt1},
+          {"ZDT2", 2, zdt(2), 1.21 - 2.0 / 3, 0.94, kPeerZdt2},
+          {"DTLZ2", 3, dtlz2, 1.331 - std::numbers::pi / 6, 0.65, kPeerDtlz2}};
+}
+/// The share of the hypervolume that a search finds.
+double share_of(const KnownFront& known, const std::string& search, int evaluations, int seed) {
+  const Folder folder;
+  Study s = known_goals(known.goals, evaluations, seed);
+  s.search = search == "models" ? Search::models : Search::evolution;
+  auto store = Store::open(folder / "a", s, "", "1.0");
+  EXPECT_TRUE(store) << to_string(store.error());
+  KnownCrew crew(s, known.f);
+  OptimizeOptions options;
+  options.crew = &crew;
+  const auto o = optimize(s, *store, options);
+  EXPECT_TRUE(o) << to_string(o.error());
+  const std::vector<double> reference(known.goals, 1.1);
+  const auto v = front_volume(s, o->rows, o->front, reference);
+  if (!v) return 0;
+  EXPECT_LE(v->volume, known.exact) << known.name;
+  EXPECT_EQ(v->reference, reference);
+  return v->volume / known.exact;
+}
+
+/// 5 000 evaluations. Of ZDT2 DEAP's least is 0.9676, and one of our three seeds ends at 0.905.
+TEST(Front, OfKnownProblemsBesideTheirHypervolumes) {
+  for (const KnownFront& known : known_fronts())
+    for (const int seed : {1, 2, 3})
+      EXPECT_GE(share_of(known, "evolution", 5000, seed), known.peer) << known.name << ", seed " << seed;
+}
+
+TEST(Front, OfFewEvaluationsIsFoundByModels) {
+  for (const KnownFront& known : known_fronts()) {
     for (const int seed : {1, 2, 3}) {
-      const Folder folder;
-      const Study s = known_goals(static_cast<std::size_t>(goals), 5000, seed);
-      auto store = Store::open(folder / "a", s, "", "1.0");
-      ASSERT_TRUE(store) << to_string(store.error());
-      KnownCrew crew(s, f);
-      OptimizeOptions options;
-      options.crew = &crew;
-      const auto o = optimize(s, *store, options);
-      ASSERT_TRUE(o) << to_string(o.error());
-      const std::vector<double> reference(static_cast<std::size_t>(goals), 1.1);
-      const auto v = front_volume(s, o->rows, o->front, reference);
-      ASSERT_TRUE(v);
-      EXPECT_LE(v->volume, exact) << name;
-      EXPECT_GE(v->volume, peer * exact) << name << ", seed " << seed << ": " << v->volume / exact;
-      EXPECT_EQ(v->reference, reference);
+      const double models = share_of(known, "models", 150, seed), evolution = share_of(known, "evolution", 150, seed);
+      EXPECT_GT(models, 2 * evolution) << known.name << ", seed " << seed;
+      EXPECT_GT(models, known.by_models) << known.name << ", seed " << seed;
     }
   }
 }

@@ -52,15 +52,20 @@ struct Outcome {
 
 /// Looks for the machine with the largest objective that keeps all holds, or for the front of the goals.
 ///
-/// One objective: a Latin hypercube, then differential evolution (current-to-pbest/1 with success-history adaptation
-/// and a shrinking population: Tanabe and Fukunaga 2014), a parameter beyond its range set to its end. Then from the
-/// best: neighbouring steps, the ends of each range, and the subplex method (Rowan 1990, of NLopt). That is one start;
-/// up to five of them, each with a sample of its own, share four fifths of the evaluations, and the best goes on with
-/// the rest (50 evaluations a start and 3 for each parameter are the least). What is left then goes to further
-/// starts. A candidate that keeps all holds is better than one that does
-/// not, of two that do not the one that breaks them less (Deb 2000). Where all parameters have steps or lists and all
-/// combinations fit into the evaluations, all are tried instead. A front: NSGA-II (Deb 2002). The first member of the
-/// first sample is the start, moved into the ranges.
+/// Few evaluations (up to 600, of at most 20 parameters) or Search::models: a Latin hypercube, then batches where
+/// Kriging models of what is wanted and of the holds expect the most (Jones 1998; of a front along drawn directions,
+/// Zhang and Golovin 2020), of one objective then what is nearest to the best, as below.
+///
+/// Many evaluations or Search::evolution, one objective: a Latin hypercube, then differential evolution
+/// (current-to-pbest/1 with success-history adaptation and a shrinking population: Tanabe and Fukunaga 2014), a
+/// parameter beyond its range set to its end. Then from the best: neighbouring steps, the ends of each range, and the
+/// subplex method (Rowan 1990, of NLopt). That is one start; up to five of them, each with a sample of its own, share
+/// four fifths of the evaluations, and the best goes on with the rest (50 evaluations a start and 3 for each parameter
+/// are the least). What is left then goes to further starts. A front: NSGA-II (Deb 2002).
+///
+/// A candidate that keeps all holds is better than one that does not, of two that do not the one that breaks them less
+/// (Deb 2000). Where all parameters have steps or lists and all combinations fit into the evaluations, all are tried
+/// instead. The first member of the first sample is the start, moved into the ranges.
 ///
 /// No claim is made that no better machine exists. The search asks in batches whose size does not depend on the number
 /// of threads, and what is compared within a batch are the incumbents from before it; so the same study gives the same
