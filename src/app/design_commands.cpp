@@ -305,6 +305,12 @@ Json no_json(const Study& study, const std::vector<Row>& rows) {
   return {{"holds", holds}, {"refused", refused}};
 }
 
+/// Whether there is an answer that nothing speaks against: something that keeps all holds, in the finer survey as well,
+/// and no machine that is known to be better.
+bool says_yes(const design::Answer& answer, bool any, const design::Known& known) {
+  return any && (!answer.again || answer.again->holds_kept()) && design::advice(answer, known.rows).empty();
+}
+
 /// Why there is no best machine and no front.
 void print_why_none(const Study& study, const std::vector<Row>& rows) {
   const bool broken = std::any_of(rows.begin(), rows.end(), [](const Row& row) {
@@ -446,7 +452,7 @@ Command optimize_command() {
                                                          double share) mutable { line(share); }));
         POLYPOD_TRY(store.close());
         const design::Answer answer{study, found.rows, again};
-        const bool yes = any && (!again || again->holds_kept()) && design::advice(answer, known.rows).empty();
+        const bool yes = says_yes(answer, any, known);
         const Row* start = start_of(found.rows);
         if (context.json) {
           Json out({{"best", found.best ? row_json(study, found.rows[*found.best]) : Json()},
@@ -811,6 +817,7 @@ Command study_command() {
             sort_rows(study, rows, front, which);
             POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row, starts,
                                           reference, again, known));
+            const bool any = best || !front.empty(), yes = rows.empty() || says_yes({study, rows, again}, any, known);
             std::vector<std::size_t> listed = which;
             listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
             if (context.json) {
@@ -834,7 +841,7 @@ Command study_command() {
               if (volume && study.wants_front()) out["hypervolume"] = hypervolume_json(study, *volume);
               if (global.design.groups > 0) out["global_sensitivities"] = global_json(study, global);
               print_json(out);
-              return kDone;
+              return yes ? kDone : kAnswerIsNo;
             }
             fmt::print("study {} on {}, seed {}, Polypod {}\n", one_line(study.file), one_line(study.machine),
                        study.seed, store.version());
@@ -862,7 +869,7 @@ Command study_command() {
             if (global.design.groups > 0) print_global(study, global);
             for (const std::string* path : {&o->csv, &o->output, &o->front_svg, &o->parallel_svg, &o->report})
               if (!path->empty()) fmt::print("wrote {}\n", *path);
-            return kDone;
+            return yes ? kDone : kAnswerIsNo;
           }};
 }
 
