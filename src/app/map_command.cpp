@@ -58,15 +58,32 @@ statics::Rectangle measured_rectangle(const pages::ComplianceMap& map, const Mea
   return out;
 }
 
+/// Those over whose coordinates the task goes, the usual one first.
+std::vector<statics::Plane> planes_of(const machine::Task& task) {
+  std::vector<statics::Plane> out;
+  for (const statics::Plane plane : {statics::Plane::xy, statics::Plane::xz, statics::Plane::yz}) {
+    const statics::PlaneAxes axes = statics::axes_of(plane);
+    if (task.holds(static_cast<machine::Coordinate>(axes.u)) && task.holds(static_cast<machine::Coordinate>(axes.v)))
+      out.push_back(plane);
+  }
+  return out;
+}
+
 /// The plane, where it lies and how far the map goes: those of the measured points, if there are any. `found` is false
 /// where the machine reaches nothing of it.
 Status lay_plane(const MapOptions& o, const Mat3& R_MT, const Measured& measured, pages::ComplianceMap& map,
                  bool& found) {
   const auto first = pages::measured_plane(measured);
+  const std::vector<statics::Plane> planes = planes_of(kinematics::task(map.machine));
+  map.plane = planes.front();
   if (!o.plane.empty()) {
     const auto plane = statics::plane_named(o.plane);
     if (!plane) return fail("AP140", fmt::format("--plane {}: not xy, xz or yz", o.plane));
     map.plane = *plane;
+    if (std::find(planes.begin(), planes.end(), *plane) == planes.end()) {
+      return fail("AP140", fmt::format("--plane {}: this machine's task goes over {} alone", o.plane,
+                                       statics::name_of(planes.front())));
+    }
   } else if (first) {
     map.plane = first->plane;
   } else if (!measured.empty() && o.at.empty()) {
@@ -77,6 +94,10 @@ Status lay_plane(const MapOptions& o, const Mat3& R_MT, const Measured& measured
   map.at =
       measured.empty() ? kinematics::middle_of_work(map.machine)[axes.normal] : measured.front().X_MT.p[axes.normal];
   if (!o.at.empty()) {
+    if (planes.size() == 1) {
+      return fail("AP141", fmt::format("--at {}: this machine does not move along {}", o.at, "xyz"[axes.normal]), {},
+                  "leave --at out");
+    }
     POLYPOD_ASSIGN(at, numbers_of(o.at, "--at"));
     if (at.size() != 1 || std::abs(at[0]) > kFarthest_mm) {
       return fail("AP141", fmt::format("--at {}: not one coordinate, in mm", o.at));
@@ -419,11 +440,11 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   const SingularNote singular(m, context);
   if (const auto no = singular.refusal({"fields"})) return *no;
   const machine::Task task = kinematics::task(m);
-  if (!task.places()) {
+  if (planes_of(task).empty()) {
     return fail(
         "WS107",
-        fmt::format("{} does not hold x, y, z in its task: there is no map over positions", machine::name_of(m)), {},
-        "`polypod compliance --pose` answers for one pose");
+        fmt::format("{} does not hold two of x, y, z in its task: there is no map over positions", machine::name_of(m)),
+        {}, "`polypod compliance --pose` answers for one pose");
   }
   std::vector<std::size_t> turned;  // the coordinates that are angles
   for (int i = 0; i < task.size(); ++i)
