@@ -28,9 +28,12 @@ std::string key_of(std::string joint) {
   return joint;
 }
 
-/// The determinant has the unit m for each of its three rows of v and 1/m for each prismatic column.
+/// The determinant has the unit m for each of its rows of v (x, y, z as far as the task holds them) and 1/m for each
+/// prismatic column.
 int metres_of_determinant(const machine::AnyMachine& machine) {
-  int power = 3;
+  const machine::Task task = kinematics::task(machine);
+  int power = 0;
+  for (int i = 0; i < task.size(); ++i) power += task.is_angle(i) ? 0 : 1;
   for (int i = 0; i < kinematics::joint_count(machine); ++i)
     power -= kinematics::joint_kind(machine, i) == machine::JointKind::prismatic ? 1 : 0;
   return power;
