@@ -435,6 +435,29 @@ JointSeries driven_series_of(const M& m, const Pose& at, const JointVector& q, c
   return out;
 }
 
+/// Next to a singular pose rounding moves the joints themselves by its size over a pivot, and their derivative of order
+/// k by that over the pivot to the power of k: what is not above that is 0. Drives that stand still while the path
+/// leads through the pose would move by rounding alone.
+void clear_rounding(const PoseSeries& target, JointSeries& out) {
+  constexpr double kFar = 1e-2, kRounding = 1e-13;
+  if (!out.regular || out.pivot > kFar) return;
+  double rate = 0;  // of the target, by its own parameter
+  for (int order = 1; order <= Series::kOrder; ++order) {
+    double largest = 0;
+    for (int i = 0; i < 3; ++i) {
+      largest = std::max(largest, std::abs(target.p[i].derivative(order)));
+      for (int j = 0; j < 3; ++j) largest = std::max(largest, std::abs(target.R(i, j).derivative(order)));
+    }
+    rate = std::max(rate, std::pow(largest, 1.0 / order));
+  }
+  double least = kRounding * std::max(1.0, out.q.cwiseAbs().maxCoeff()) / out.pivot;
+  for (JointVector* derivative : {&out.first, &out.second, &out.third}) {
+    least *= rate / out.pivot;
+    for (double& x : *derivative)
+      if (std::abs(x) < least) x = 0;
+  }
+}
+
 }  // namespace
 
 Pose value_of(const PoseSeries& X) {
@@ -457,7 +480,9 @@ Matrix3<Series> rotation_series(const Vector3<Series>& w) {
 
 JointSeries joint_series(const AnyMachine& machine, const PoseSeries& target, const Pose& settled,
                          const JointVector& q) {
-  return std::visit([&](const auto& m) { return series_of(m, target, settled, q, false); }, machine);
+  JointSeries out = std::visit([&](const auto& m) { return series_of(m, target, settled, q, false); }, machine);
+  clear_rounding(target, out);
+  return out;
 }
 
 JointSeries joint_series_by_differences(const AnyMachine& machine, const PoseSeries& target, const Pose& settled,

@@ -38,6 +38,7 @@ struct Node {
   std::size_t stretch = 0;
   double u = 0, s = 0;
   State state;
+  bool dense = false;  ///< put in because a drive turns far within a step
 };
 
 /// m, of a delta its least distance from a singular pose.
@@ -66,15 +67,16 @@ class Follower {
   [[nodiscard]] int joints() const { return joints_; }
   [[nodiscard]] bool has_clearance() const { return has_clearance_; }
   [[nodiscard]] double begin(std::size_t stretch) const { return begins_[stretch]; }
+  /// Whether a track was broken off because the progress said so.
+  [[nodiscard]] bool cancelled() const { return cancelled_; }
   [[nodiscard]] std::size_t stretch_at(double s) const {
     const auto it = std::upper_bound(begins_.begin(), begins_.end(), s);
     return static_cast<std::size_t>(it - begins_.begin()) - 1;
   }
 
-  /// With the joints that are the nearest to `near`, within their ranges or not, or the solution `which` of the list;
-  /// limits and condition where they are asked for.
-  [[nodiscard]] State state(std::size_t stretch, double u, const JointVector& near, std::size_t which = 0,
-                            bool judged = true) const {
+  /// With the joints that are the nearest to `near`, within their ranges or not, or any; limits and condition where
+  /// they are asked for.
+  [[nodiscard]] State state(std::size_t stretch, double u, const JointVector& near, bool judged = true) const {
     State out;
     const Pose target = path_.stretches[stretch].pose(u);
     out.X = target;
@@ -89,8 +91,8 @@ class Follower {
       out.clearance = 0;
       return out;
     }
-    const Solution* chosen = &result.solutions[std::min(which, result.solutions.size() - 1)];
-    if (near.size() == 0 && which == 0 && result.reachable() != nullptr) chosen = result.reachable();
+    const Solution* chosen = &result.solutions.front();
+    if (near.size() == 0 && result.reachable() != nullptr) chosen = result.reachable();
     out.reached = true;
     out.q = chosen->joints;
     out.branch = chosen->branch;
@@ -102,11 +104,12 @@ class Follower {
     return out;
   }
 
-  /// Points of the whole path in rising order, from one solution of the first; stops at the first thing that is broken
-  /// where `all` is not asked for. Where a drive turns far from one to the next, points stand between them, and at the
-  /// poses that are the nearest to singular ones.
-  [[nodiscard]] std::vector<Node> track(std::size_t start, bool all) const {
+  /// Points of the whole path in rising order, from these joints at the first (none: any); stops at the first thing
+  /// that is broken where `all` is not asked for. Where a drive turns far from one to the next, points stand between
+  /// them, and at the poses that are the nearest to singular ones.
+  [[nodiscard]] std::vector<Node> track(const JointVector& start, bool all) const {
     std::vector<Node> out = walk(start, all);
+    thin_out(out);
     add_peaks(out);
     return out;
   }
@@ -191,23 +194,25 @@ class Follower {
   }
 
  private:
-  [[nodiscard]] std::vector<Node> walk(std::size_t start, bool all) const {
+  [[nodiscard]] std::vector<Node> walk(const JointVector& start, bool all) const {
     std::vector<Node> out;
-    JointVector near;
+    JointVector near = start;
     for (std::size_t k = 0; k < path_.stretches.size(); ++k) {
       const int pieces = pieces_of(k);
       const double size = path_.stretches[k].size;
       for (int i = 0; i <= pieces; ++i) {
         constexpr std::size_t kNowAndThen = 16;
         if (options_.progress && out.size() % kNowAndThen == 0 && !options_.progress(0.1 * begins_[k] / path_.size)) {
-          return out;  // the caller asks again
+          cancelled_ = true;
+          return out;
         }
         for (std::vector<double> ahead{size * i / pieces}; !ahead.empty();) {
           Node node{k, ahead.back(), 0, {}};
           node.s = begins_[k] + node.u;
-          node.state = state(k, node.u, near, near.size() == 0 ? start : 0);
+          node.state = state(k, node.u, near);
+          node.dense = ahead.size() > 1;
           constexpr double kLeast = 1e-9;  // of the stretch: what turns far over less jumps
-          const bool far = i > 0 && node.state.reached && out.back().state.reached &&
+          const bool far = i > 0 && !out.empty() && node.state.reached && out.back().state.reached &&
                            (node.state.branch != out.back().state.branch || goes_far(near, node.state.q));
           if (far && node.u - out.back().u > kLeast * size) {
             ahead.push_back(0.5 * (out.back().u + node.u));
@@ -234,6 +239,18 @@ class Follower {
     return jumps(from, to);
   }
 
+  /// What was put in only to find whether a branch really changes is not dense: no drive turns there.
+  void thin_out(std::vector<Node>& track) const {
+    constexpr double kTurns = 0.02;  // rad
+    std::vector<bool> turning(track.size(), false);
+    for (std::size_t i = 1; i < track.size(); ++i) {
+      const Node &a = track[i - 1], &b = track[i];
+      if (a.stretch != b.stretch || !a.state.reached || !b.state.reached) continue;
+      if (moved(a.state.q, b.state.q) > kTurns) turning[i - 1] = turning[i] = true;
+    }
+    for (std::size_t i = 0; i < track.size(); ++i) track[i].dense = track[i].dense && turning[i];
+  }
+
   /// Between points of which the middle one is the nearest to a singular pose stands a nearer one: it is added, where
   /// it matters.
   void add_peaks(std::vector<Node>& track) const {
@@ -244,13 +261,15 @@ class Follower {
     const double matters =
         std::min(nearest, has_clearance_ ? -kTimes * options_.singular_distance : kShare * options_.condition);
     std::vector<Node> peaks;
-    for (std::size_t i = 1; i + 1 < track.size(); ++i) {
-      const Node &a = track[i - 1], &b = track[i], &c = track[i + 1];
-      if (a.stretch != b.stretch || c.stretch != b.stretch) continue;
-      if (!a.state.reached || !b.state.reached || !c.state.reached) continue;
-      const double here = closeness_of(b.state);
-      if (!(here >= matters && here >= closeness_of(a.state) && here >= closeness_of(c.state))) continue;
-      if (here == closeness_of(a.state) && here == closeness_of(c.state)) continue;
+    for (std::size_t i = 0; i < track.size(); ++i) {
+      const Node& b = track[i];
+      // The neighbours on its stretch; at an end of it the point itself.
+      const Node& a = i > 0 && track[i - 1].stretch == b.stretch ? track[i - 1] : b;
+      const Node& c = i + 1 < track.size() && track[i + 1].stretch == b.stretch ? track[i + 1] : b;
+      if (a.u == c.u || !a.state.reached || !b.state.reached || !c.state.reached) continue;
+      const double here = closeness_of(b.state), before = closeness_of(a.state), after = closeness_of(c.state);
+      if (!(here >= matters && here >= before && here >= after)) continue;
+      if (here == before && here == after && a.u != b.u && b.u != c.u) continue;
       peaks.push_back(peak_between(a.u, c.u, b));
     }
     track.insert(track.end(), peaks.begin(), peaks.end());
@@ -288,6 +307,7 @@ class Follower {
   const MoveOptions& options_;
   int joints_;
   bool has_clearance_ = false;
+  mutable bool cancelled_ = false;
   std::vector<double> begins_;
 };
 
@@ -404,42 +424,106 @@ class Judge {
   bool jumped_ = false;
 };
 
+/// The same solution with one or more joints a turn on or back, as their ranges allow.
+std::vector<JointVector> other_turns(const AnyMachine& machine, const JointVector& q) {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  constexpr std::size_t kMost = 32;
+  std::vector<JointVector> out{q};
+  for (int i = 0; i < q.size(); ++i) {
+    if (kinematics::joint_kind(machine, i) != machine::JointKind::revolute) continue;
+    const machine::JointRange range = kinematics::joint_range(machine, i);
+    if (!std::isfinite(range.min) || !std::isfinite(range.max)) continue;  // it turns on as it likes
+    const std::size_t before = out.size();
+    for (double x = q[i] + kTurn * std::ceil((range.min - q[i]) / kTurn); x <= range.max; x += kTurn) {
+      if (std::abs(x - q[i]) < 0.5 * kTurn) continue;
+      for (std::size_t k = 0; k < before && out.size() < kMost; ++k) {
+        out.push_back(out[k]);
+        out.back()[i] = x;
+      }
+    }
+  }
+  out.erase(out.begin());
+  return out;
+}
+
 /// Chooses the solution of the first pose with which the path can be passed.
-std::size_t choose_start(const Follower& follower, const PosePath& path, const MoveOptions& options, MoveResult& out) {
-  const InverseResult first = kinematics::inverse(follower.machine(), path.stretches.front().pose(0));
-  std::size_t chosen = 0;
-  double reaches = -1, condition = kNoLimit;
-  bool completes = false;
-  for (std::size_t k = 0; k < first.solutions.size(); ++k) {
+class StartChooser {
+ public:
+  StartChooser(const Follower& follower, const PosePath& path, const MoveOptions& options, MoveResult& out)
+      : follower_(follower), path_(path), options_(options), out_(out) {}
+
+  /// Its joints; none where the first pose is out of reach.
+  JointVector choose() {
+    const InverseResult first = kinematics::inverse(follower_.machine(), path_.stretches.front().pose(0));
+    const std::size_t known = first.solutions.size();
+    for (const Solution& s : first.solutions) {
+      add(s.joints, kinematics::branch_name(follower_.machine(), s.branch));
+      if (follower_.cancelled()) return {};
+    }
+    if (known == 0) return {};
+    std::size_t chosen = best(0, known);
+    if (options_.start && *options_.start < known) chosen = *options_.start;
+    // Where it does not pass, joints that can turn more than once may begin in another turn.
+    const std::size_t from = options_.start ? chosen : 0, to = options_.start ? chosen + 1 : known;
+    for (std::size_t k = from; k < to && !out_.starts[chosen].completes; ++k) {
+      for (const JointVector& q : other_turns(follower_.machine(), first.solutions[k].joints)) {
+        add(q, fmt::format("{}, {}", out_.starts[k].branch, turned_in_words(first.solutions[k].joints, q)));
+        if (follower_.cancelled()) return {};
+        if (out_.starts.back().completes) {
+          chosen = out_.starts.size() - 1;
+          break;
+        }
+        out_.starts.pop_back();
+        joints_.pop_back();
+      }
+    }
+    out_.starts[chosen].chosen = true;
+    out_.branch = out_.starts[chosen].branch;
+    return joints_[chosen];
+  }
+
+ private:
+  void add(const JointVector& q, std::string branch) {
     MoveStart start;
-    start.branch = kinematics::branch_name(follower.machine(), first.solutions[k].branch);
-    const std::vector<Node> track = follower.track(k, false);
-    Judge judge(follower, path, options);
-    const std::vector<MoveViolation> broken = judge.of(track);
+    start.branch = std::move(branch);
+    const std::vector<Node> track = follower_.track(q, false);
+    if (follower_.cancelled() || track.empty()) return;
+    const std::vector<MoveViolation> broken = Judge(follower_, path_, options_).of(track);
     start.completes = broken.empty();
-    start.reaches = start.completes ? 1 : track.back().s / path.size;
+    start.reaches = start.completes ? 1 : track.back().s / path_.size;
     start.stretch = track.back().stretch;
     if (!broken.empty()) start.stopped_by = broken.front().limit;
     for (const Node& node : track) start.condition = std::max(start.condition, node.state.condition);
-    const bool better =
-        start.completes != completes
-            ? start.completes
-            : (start.completes ? options.best_start && start.condition < condition : start.reaches > reaches + 1e-12);
-    if (better || k == 0) {
-      chosen = k;
-      reaches = start.reaches;
-      condition = start.condition;
-      completes = start.completes;
+    out_.starts.push_back(std::move(start));
+    joints_.push_back(q);
+  }
+  [[nodiscard]] std::size_t best(std::size_t from, std::size_t to) const {
+    std::size_t out = from;
+    for (std::size_t k = from + 1; k < to; ++k) {
+      const MoveStart &a = out_.starts[k], &b = out_.starts[out];
+      const bool better = a.completes != b.completes ? a.completes
+                          : a.completes              ? options_.best_start && a.condition < b.condition
+                                                     : a.reaches > b.reaches + 1e-12;
+      if (better) out = k;
     }
-    out.starts.push_back(std::move(start));
+    return out;
   }
-  if (options.start && *options.start < first.solutions.size()) chosen = *options.start;
-  if (chosen < out.starts.size()) {
-    out.starts[chosen].chosen = true;
-    out.branch = out.starts[chosen].branch;
+  /// "joint 6 begins at -180 deg".
+  static std::string turned_in_words(const JointVector& from, const JointVector& to) {
+    std::string out;
+    for (Eigen::Index i = 0; i < to.size(); ++i) {
+      if (to[i] == from[i]) continue;
+      out += fmt::format("{}joint {} begins at {:.4g} deg", out.empty() ? "" : ", ", i + 1, units::to_deg(to[i]));
+    }
+    return out;
   }
-  return chosen;
-}
+
+  const Follower& follower_;
+  const PosePath& path_;
+  const MoveOptions& options_;
+  MoveResult& out_;
+  std::vector<JointVector> joints_;
+};
 
 /// Largest absolute values.
 struct Peaks3 {
@@ -478,8 +562,9 @@ class Mover {
   Result<MoveResult> run() {
     MoveResult out;
     out.length = path_.length;
-    const std::size_t start = choose_start(follower_, path_, options_, out);
-    track_ = follower_.track(start, true);
+    const JointVector start = StartChooser(follower_, path_, options_, out).choose();
+    if (!follower_.cancelled()) track_ = follower_.track(start, true);
+    if (follower_.cancelled()) return fail("MO199", "cancelled");
     POLYPOD_TRY(go_on(0.1));
     out.violations = Judge(follower_, path_, options_).of(track_);
     const bool reached = std::any_of(track_.begin(), track_.end(), [](const Node& n) { return n.state.reached; });
@@ -583,7 +668,7 @@ class Mover {
     if (s.speed > 0) out.speed = s.speed;
     const PoseSeries target = s.at(Series(u, 1, 0, 0));
     PoseSeries X = target;
-    const State state = follower_.state(stretch, u, near(stretch, u), 0, false);
+    const State state = follower_.state(stretch, u, near(stretch, u), false);
     if (state.reached) {
       const JointSeries joints = joint_series(follower_.machine(), target, state.X, state.q);
       if (joints.regular) {
@@ -799,7 +884,8 @@ class Mover {
     std::vector<PlanNode> nodes;
     constexpr int kLeast = 60, kLeastOfMany = 16, kMost = 2000;
     for (std::size_t k = first; k <= last; ++k) {
-      const int pieces = finer * std::clamp(follower_.pieces_of(k), first == last ? kLeast : kLeastOfMany, kMost);
+      const int pieces = std::clamp(follower_.pieces_of(k), first == last ? kLeast : kLeastOfMany, kMost);
+      std::vector<double> places;
       for (int i = 0; i <= pieces; ++i) {
         const double w = static_cast<double>(i) / pieces;
         // Where the tool starts or stops, nodes stand closer.
@@ -807,10 +893,28 @@ class Mover {
                              : k == first  ? 0.5 * w * w * (3 - w)
                              : k == last   ? 1 - 0.5 * (1 - w) * (1 - w) * (2 + w)
                                            : w;
-        nodes.push_back(plan_node(k, path_.stretches[k].size * share));
+        places.push_back(path_.stretches[k].size * share);
+      }
+      add_between(k, places);
+      for (std::size_t i = 0; i < places.size(); ++i) {
+        nodes.push_back(plan_node(k, places[i]));
+        for (int part = 1; part < finer && i + 1 < places.size(); ++part)
+          nodes.push_back(plan_node(k, places[i] + (places[i + 1] - places[i]) * part / finer));
       }
     }
     return fastest(nodes, limits_);
+  }
+
+  /// Where a drive turns far within a step there are points of the track between: the plan has nodes there, too.
+  void add_between(std::size_t stretch, std::vector<double>& places) const {
+    const std::size_t regular = places.size();
+    for (const Node& n : track_)
+      if (n.stretch == stretch && n.dense) places.push_back(n.u);
+    if (places.size() == regular) return;
+    std::sort(places.begin(), places.end());
+    const double least = 1e-12 * path_.stretches[stretch].size;
+    places.erase(std::unique(places.begin(), places.end(), [&](double a, double b) { return b - a < least; }),
+                 places.end());
   }
 
   /// The S profile, where no law is much faster.
@@ -841,7 +945,10 @@ class Mover {
       const std::size_t k = first + part;
       return plan_node(k, std::clamp(s - follower_.begin(k), 0.0, path_.stretches[k].size));
     };
-    return fastest_within_jerk(node, from, to - from, parts, finer * std::clamp(pieces, kLeast, kMost), limits_);
+    std::vector<double> dense;
+    for (const Node& n : track_)
+      if (n.dense && n.stretch >= first && n.stretch <= last) dense.push_back(n.s);
+    return fastest_within_jerk(node, from, to - from, parts, finer * std::clamp(pieces, kLeast, kMost), limits_, dense);
   }
 
   /// Tool and drives at the time x of a block; limits of poses and condition where they are asked for.
@@ -860,7 +967,7 @@ class Mover {
     Series u = s - Series(follower_.begin(k));
     u[0] = std::clamp(u[0], 0.0, stretch.size);
     const PoseSeries target = stretch.at(u);
-    const State state = follower_.state(k, u[0], near(k, u[0]), 0, judged);
+    const State state = follower_.state(k, u[0], near(k, u[0]), judged);
     out.X = state.X;
     out.reached = state.reached;
     out.condition = state.condition;
@@ -1297,7 +1404,7 @@ Result<MoveResult> move(const AnyMachine& machine, const PosePath& path, const M
 PathVerdict follow(const AnyMachine& machine, const PosePath& path, const MoveOptions& options) {
   const Follower follower(machine, path, options);
   MoveResult found;
-  choose_start(follower, path, options, found);
+  StartChooser(follower, path, options, found).choose();
   PathVerdict out;
   for (const MoveStart& start : found.starts) {
     if (!start.chosen) continue;

@@ -504,8 +504,9 @@ struct Cell {
   double begin = 0, end = 0;  ///< w
   std::size_t part = 0;
 };
-/// Equal steps of w; more where a part is short; neighbours differ in length by little more than the factor two.
-std::vector<Cell> cells_of(const std::vector<double>& ends, int count) {
+/// Equal steps of w; more where a part is short, and where `dense` places (rising) stand close to each other;
+/// neighbours differ in length by little more than the factor two.
+std::vector<Cell> cells_of(const std::vector<double>& ends, int count, const std::vector<double>& dense) {
   constexpr double kEach = 24, kRatio = 2.1;
   std::vector<Cell> out;
   double begin = 0;
@@ -516,13 +517,24 @@ std::vector<Cell> cells_of(const std::vector<double>& ends, int count) {
     }
     begin = ends[k];
   }
+  // The least distance of two places one of which lies within a cell.
+  const auto gap_in = [&](const Cell& c) {
+    double gap = 1;
+    for (auto it = std::lower_bound(dense.begin(), dense.end(), c.begin); it != dense.end() && *it < c.end; ++it) {
+      if (it != dense.begin()) gap = std::min(gap, *it - *(it - 1));
+      if (it + 1 != dense.end()) gap = std::min(gap, *(it + 1) - *it);
+    }
+    return gap;
+  };
+  constexpr double kLeastCell = 1e-9;
   for (bool split = true; split;) {
     split = false;
     std::vector<Cell> finer;
     for (std::size_t i = 0; i < out.size(); ++i) {
       const double length = out[i].end - out[i].begin;
+      const bool within_gap = dense.empty() || length <= std::max(0.5 * gap_in(out[i]), kLeastCell);
       const auto much_shorter = [&](const Cell& c) { return length > kRatio * (c.end - c.begin); };
-      if ((i > 0 && much_shorter(out[i - 1])) || (i + 1 < out.size() && much_shorter(out[i + 1]))) {
+      if (!within_gap || (i > 0 && much_shorter(out[i - 1])) || (i + 1 < out.size() && much_shorter(out[i + 1]))) {
         const double middle = 0.5 * (out[i].begin + out[i].end);
         finer.push_back({out[i].begin, middle, out[i].part});
         finer.push_back({middle, out[i].end, out[i].part});
@@ -540,12 +552,14 @@ std::vector<Cell> cells_of(const std::vector<double>& ends, int count) {
 
 Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s, std::size_t part)>& node, double from,
                                            double size, const std::vector<double>& parts, int count,
-                                           const PlanLimits& limits) {
+                                           const PlanLimits& limits, const std::vector<double>& dense) {
   POLYPOD_TRY(usable(limits));
   std::vector<double> ends;
   for (const double s : parts) ends.push_back(uneased((s - from) / size));
   ends.push_back(1);
-  const std::vector<Cell> cells = cells_of(ends, count);
+  std::vector<double> dense_w;
+  for (const double s : dense) dense_w.push_back(uneased((s - from) / size));
+  const std::vector<Cell> cells = cells_of(ends, count, dense_w);
   // y_1 .. y_K belong to the intervals, y_0 and y_{K+1} to none.
   const std::size_t intervals = cells.size(), n = intervals + 2;
   const auto length = [&](std::size_t i) {

@@ -114,10 +114,11 @@ std::optional<TimeLaw::Block> nearly_fastest_s_profile(const std::vector<PlanNod
 /// out what is not convex in the jerks, so that each step stays within all limits: a local optimum.
 /// `parts`: where the path consists of several stretches, their ends between `from` and from + size, in rising order;
 /// the third derivative may jump there, and each part has 24 intervals at least. `node` gives the derivatives at s on
-/// the part of this number. `count` intervals at least, in all. Errors: MO115.
-/// Cost: some 70 Newton steps of 0.3 us an interval and drive.
+/// the part of this number. `count` intervals at least, in all; more where the places `dense` (rising) stand close to
+/// each other, since the path changes fast there. Errors: MO115. Cost: some 70 Newton steps of 0.3 us an interval and
+/// drive.
 Result<TimeLaw::Block> fastest_within_jerk(const std::function<PlanNode(double s, std::size_t part)>& node, double from,
                                            double size, const std::vector<double>& parts, int count,
-                                           const PlanLimits& limits);
+                                           const PlanLimits& limits, const std::vector<double>& dense = {});
 
 }  // namespace polypod::motion
