@@ -17,6 +17,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/unroll.hpp"
+#include "polypod/machine/assumed.hpp"
 #include "polypod/machine/urdf.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/job.hpp"
@@ -258,10 +259,8 @@ Result<Asked> path_of(const machining::Job& job, const Options& o, const Context
                                     figure(units::to_mm(off.length), 3), turned));
   }
   out.options.speed = o.speed != 0 ? units::from_mm(o.speed) : speed;
-  if (o.blend > 0) {
-    const bool jerk = out.options.law == motion::Law::fastest && o.tool_jerk != 0;
-    out.path = motion::blended(out.path, units::from_mm(o.blend), jerk);
-  }
+  // In the least time as well the tip takes no more than the speed that it was given.
+  if (out.options.law == motion::Law::fastest) out.path = motion::with_speed(std::move(out.path), out.options.speed);
   return out;
 }
 
@@ -370,7 +369,11 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Mo
   out.what = options.law == motion::Law::fastest ? "A path in the least time"
              : options.law == motion::Law::timed ? "A path in given times"
                                                  : "A path at constant speed";
-  out.judged = pages::limits_of_poses(m);
+  if (machine::limits_are_assumed(m)) {
+    out.not_judged.emplace_back("ranges of the joints (the machine file gives none)");
+  } else {
+    out.judged = pages::limits_of_poses(m);
+  }
   if (r.clearance) {
     if (options.singular_distance > 0) {
       out.judged.emplace_back("distance from singular poses");
@@ -763,7 +766,8 @@ Command move_command() {
             "The job file of --program: machine, origin and rotation of the workpiece, work offsets, joint speeds");
         a.option("--origin", o->origin, "x,y,z of the workpiece origin in M, mm, of --program");
         a.option("--rapid", o->rapid, {1e-3, 1e9}, "Largest speed of G0, mm/min (default 6000)");
-        a.option("--speed", o->speed, {1e-6, 1e9}, "The tip at this constant speed, mm/s (default: the path file's)");
+        a.option("--speed", o->speed, {1e-6, 1e9},
+                 "The tip at this constant speed, mm/s, in the least time at most at this (default: the path file's)");
         a.option("--profile", o->profile,
                  "Of a path with times: linear (a constant rate between points), smooth (a stop in each), spline");
         a.flag("--time-optimal", o->fastest, "In the least time within the limits of tool and drives");
@@ -815,9 +819,17 @@ Command move_command() {
         POLYPOD_ASSIGN(asked, path_of(placed.job, *o, context));
         motion::MoveOptions& options = asked.options;
         POLYPOD_TRY(limits_of(placed.job, *o, context, options));
+        if (o->blend > 0) {
+          const bool curvature = options.law == motion::Law::fastest && options.limits.limits_jerk();
+          asked.path = motion::blended(asked.path, units::from_mm(o->blend), curvature);
+        }
         options.step = units::from_mm(o->step);
         options.turn_step *= o->step;
         options.samples = o->samples;
+        const bool has_clearance = motion::has_clearance(m);
+        POLYPOD_TRY(refuse(context, {has_clearance ? "--condition-max" : "--singularity-distance"},
+                           has_clearance ? "of deltas --singularity-distance says what is near-singular"
+                                         : "--condition-max says what is near-singular, but of deltas"));
         options.condition = o->condition;
         options.singular_distance = units::from_mm(o->clearance);
         if (o->start == "best") {

@@ -140,24 +140,6 @@ std::string table_of(const AnyMachine& m, const Simulation& run) {
   return csv.text();
 }
 
-struct DriveRange {
-  double low, high, speed = 0, acceleration = 0;
-};
-std::vector<DriveRange> ranges_of(const Simulation& run) {
-  std::vector<DriveRange> out;
-  for (Eigen::Index i = 0; i < run.samples.front().q.size(); ++i) {
-    DriveRange r{run.samples.front().q[i], run.samples.front().q[i]};
-    for (const SimulationSample& s : run.samples) {
-      r.low = std::min(r.low, s.q[i]);
-      r.high = std::max(r.high, s.q[i]);
-      r.speed = std::max(r.speed, std::abs(s.speed[i]));
-      r.acceleration = std::max(r.acceleration, std::abs(s.acceleration[i]));
-    }
-    out.push_back(r);
-  }
-  return out;
-}
-
 constexpr const char* kNotJudged =
     "dry friction, brakes, stops at the ends of the ranges, collisions, what the drives can give";
 
@@ -169,10 +151,9 @@ struct Start {
 
 Json document_of(const AnyMachine& m, const Simulation& run, const Start& start) {
   Json drives = Json::array(), passed = Json::array();
-  const std::vector<DriveRange> ranges = ranges_of(run);
-  for (std::size_t i = 0; i < ranges.size(); ++i) {
+  for (std::size_t i = 0; i < run.drives.size(); ++i) {
     const auto joint = static_cast<Eigen::Index>(i);
-    const DriveRange& r = ranges[i];
+    const motion::DriveExtent& r = run.drives[i];
     drives.push_back({{"unit", unit_of(m, joint)},
                       {"position", {{"min", shown(m, joint, r.low)}, {"max", shown(m, joint, r.high)}}},
                       {"speed_max", shown(m, joint, r.speed)},
@@ -215,10 +196,9 @@ void print_release(const AnyMachine& m, const Simulation& run, const Start& star
   if (start.of > 1) fmt::print("branch   {} (of {} solutions at the start)\n", start.branch, start.of);
   fmt::print("tip      from {}\n         to   {}\n", place_of(first.X), place_of(last.X));
   fmt::print("{:<8} {:>10} {:>10} {:>12} {:>14}\n", "", "min", "max", "speed /s", "acceler. /s2");
-  const std::vector<DriveRange> ranges = ranges_of(run);
-  for (std::size_t i = 0; i < ranges.size(); ++i) {
+  for (std::size_t i = 0; i < run.drives.size(); ++i) {
     const auto joint = static_cast<Eigen::Index>(i);
-    const DriveRange& r = ranges[i];
+    const motion::DriveExtent& r = run.drives[i];
     fmt::print("drive {:<2} {:>10} {:>10} {:>12} {:>14} {}\n", i + 1, figure(shown(m, joint, r.low), 3),
                figure(shown(m, joint, r.high), 3), figure(shown(m, joint, r.speed), 1),
                figure(shown(m, joint, r.acceleration), 0), unit_of(m, joint));
@@ -226,8 +206,9 @@ void print_release(const AnyMachine& m, const Simulation& run, const Start& star
   // What is below the error of the integration, or of rounding (J), is 0.
   const double height = first.energy.potential - last.energy.potential, least = std::max(run.drift, 1e-12);
   const auto joule = [&](double energy) { return figure(std::abs(energy) < least ? 0.0 : energy, 3); };
-  fmt::print("energy   kinetic {} J at the end; height gave {} J, drives less viscous friction {} J\n",
-             joule(last.energy.kinetic), joule(height), joule(last.work));
+  fmt::print(
+      "energy   kinetic {} J at the start, {} J at the end; height gave {} J, drives less viscous friction {} J\n",
+      joule(first.energy.kinetic), joule(last.energy.kinetic), joule(height), joule(last.work));
   fmt::print("         they balance within {:.1g} J, the error of the integration\n", least);
   for (const motion::LimitPassed& p : run.passed) fmt::print("problem  after {:.4g} s: {}\n", p.t, p.limit);
   if (!run.stopped.empty()) fmt::print("stopped  {}\n", run.stopped);

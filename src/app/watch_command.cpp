@@ -40,11 +40,11 @@ using units::to_um;
 
 struct Options {
   std::string record, machine, calibrated, job, program, ran, measured, report;
-  double warn_um = 0, shift_ms = 0, shift_range_s = 5;
+  double warn_um = 0, warn_deg = 0.1, shift_ms = 0, shift_range_s = 5;
   bool follow = false;
 };
 
-constexpr config::Range kWarn_um{1e-3, 1e6};
+constexpr config::Range kWarn_um{1e-3, 1e6}, kWarn_deg{1e-6, 360};
 constexpr config::Range kShift_ms{-1e7, 1e7};
 constexpr config::Range kShiftRange_s{0.1, 100};
 /// Rows of the table of lines in the text.
@@ -159,6 +159,12 @@ void judge(const Options& o, Judgement& j) {
       j.no.emplace_back("no row could be judged");
     }
     yes.push_back(fmt::format("the deviation ({}) stays within {:g} um", j.by, o.warn_um));
+    if (to_deg(w.turn_largest) > o.warn_deg) {
+      j.no.push_back(
+          fmt::format("the tool is turned from its command by up to {:.3g} deg, at line {} after {:.3f} s "
+                      "(limit {:g} deg, --warn-deg)",
+                      to_deg(w.turn_largest), w.turn_line, w.turn_time, o.warn_deg));
+    }
   }
   if (j.cut) {
     const RecordedCut& c = *j.cut;
@@ -568,7 +574,7 @@ Result<int> followed(const Context& context, const Options& o) {
   POLYPOD_ASSIGN(file, Growing::open(o.record));
   std::optional<control::RecordReader> reader;
   control::LiveWatch live(subject.machine, subject.calibrated ? &*subject.calibrated : nullptr,
-                          units::from_um(o.warn_um));
+                          units::from_um(o.warn_um), units::from_deg(o.warn_deg));
   std::FILE* log = context.json ? stderr : stdout;
   Json warnings = Json::array();
   for (;;) {
@@ -584,8 +590,11 @@ Result<int> followed(const Context& context, const Options& o) {
     const control::LiveWatch::Seen seen = live.see(row);
     if (seen.begins) {
       const std::string size = seen.point.known ? um(seen.point.deviation().norm()) + " um" : "the joints are no pose";
-      fmt::print(log, "warning: line {} after {:.3f} s: deviation {} (limit {:g} um)\n", row.line, row.time, size,
-                 o.warn_um);
+      const double turn = to_deg(seen.point.turn);
+      const std::string turn_too =
+          turn > o.warn_deg ? fmt::format(", turned by {:.3g} deg (limit {:g} deg)", turn, o.warn_deg) : "";
+      fmt::print(log, "warning: line {} after {:.3f} s: deviation {} (limit {:g} um){}\n", row.line, row.time, size,
+                 o.warn_um, turn_too);
       std::fflush(log);
       warnings.push_back({{"line", row.line},
                           {"from_s", row.time},
@@ -598,20 +607,25 @@ Result<int> followed(const Context& context, const Options& o) {
     }
   }
   const bool ok = live.stretches() == 0 && live.rows() > 0;
+  const std::string turned = to_deg(live.turn_largest()) > o.warn_deg
+                                 ? fmt::format(", turned by {:.3g} deg", to_deg(live.turn_largest()))
+                                 : "";
   const std::string answer =
       live.rows() == 0 ? std::string("no: no row came")
       : ok ? fmt::format("yes: in {} rows the deviation by the joints stays within {:g} um; largest {} um", live.rows(),
                          o.warn_um, um(live.largest()))
            : fmt::format(
-                 "no: in {} rows the deviation by the joints grows beyond {:g} um {} times; largest {} "
-                 "um{}",
-                 live.rows(), o.warn_um, live.stretches(), um(live.largest()),
+                 "no: in {} rows the deviation by the joints grows beyond {:g} um (or {:g} deg) {} times; largest {} "
+                 "um{}{}",
+                 live.rows(), o.warn_um, o.warn_deg, live.stretches(), um(live.largest()), turned,
                  live.no_pose() > 0 ? fmt::format(", {} rows are no pose", live.no_pose()) : "");
   if (context.json) {
     print_json({{"rows", live.rows()},
                 {"rows_without_pose", live.no_pose()},
                 {"largest_um", to_um(live.largest())},
+                {"turned_deg", to_deg(live.turn_largest())},
                 {"warn_um", o.warn_um},
+                {"warn_deg", o.warn_deg},
                 {"warnings", warnings},
                 {"ok", ok},
                 {"answer", answer}});
@@ -643,6 +657,8 @@ Command watch_command() {
             a.option("--shift-range-s", o->shift_range_s, kShiftRange_s,
                      "How far the shift is looked for, s to each side (default: 5)");
             a.option("--warn-um", o->warn_um, kWarn_um, "Warn, with exit status 1, where the deviation is more, um");
+            a.option("--warn-deg", o->warn_deg, kWarn_deg,
+                     "The same for the orientation of the tool, deg, where --warn-um is given (default 0.1)");
             a.option("--report", o->report, "A page with curves (HTML)");
             a.flag("--follow", o->follow, "Watch a record that grows: warn as rows come, until Ctrl-C");
           },

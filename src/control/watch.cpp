@@ -16,6 +16,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machine/assumed.hpp"
 
 namespace polypod::control {
 namespace {
@@ -70,12 +71,40 @@ double turn_between(const Task& task, const Mat3& command, const Mat3& is) {
   return rotation_vector(command.transpose() * is).norm();
 }
 
+/// Why no machine has these joints: one is outside of its range, or cannot have come there since a row before.
+std::string impossible(const AnyMachine& machine, const RecordRow& row, const RecordRow* before) {
+  constexpr double kBeyond = 1e-6, kFar = 0.5, kShare = 0.1, kSoon = 0.1;  // rad or m; rad, of the range, s
+  const bool assumed = machine::limits_are_assumed(machine);
+  for (int i = 0; i < static_cast<int>(row.joints.size()); ++i) {
+    const bool turns = kinematics::joint_kind(machine, i) == JointKind::revolute;
+    const auto shown = [&](double x) { return turns ? units::to_deg(x) : units::to_mm(x); };
+    const machine::JointRange range = kinematics::joint_range(machine, i);
+    const double q = row.joints[i];
+    if (!assumed && !(q >= range.min - kBeyond && q <= range.max + kBeyond)) {
+      return fmt::format("joint {} at {:.6g} {} is outside of its range of {:.6g} to {:.6g}", i + 1, shown(q),
+                         turns ? "deg" : "mm", shown(range.min), shown(range.max));
+    }
+    if (before == nullptr || !(row.time - before->time < kSoon)) continue;
+    const double change = std::abs(q - before->joints[i]);
+    if (change > (turns ? kFar : kShare * (range.max - range.min))) {
+      return fmt::format("joint {} jumps by {:.3g} {} within {:.2g} s", i + 1, shown(change), turns ? "deg" : "mm",
+                         row.time - before->time);
+    }
+  }
+  return {};
+}
+
 /// What the joints say of one row.
-WatchPoint point_of(const AnyMachine& machine, const AnyMachine* calibrated, const RecordRow& row, std::string* why) {
+WatchPoint point_of(const AnyMachine& machine, const AnyMachine* calibrated, const RecordRow& row,
+                    const RecordRow* before, std::string* why) {
   WatchPoint out;
   out.time = row.time;
   out.line = row.line;
   out.command = row.command.p;
+  if (std::string reason = impossible(machine, row, before); !reason.empty()) {
+    if (why != nullptr) *why = std::move(reason);
+    return out;
+  }
   const kinematics::ForwardResult found = kinematics::forward(machine, row.joints);
   if (found.poses.empty()) {
     if (why != nullptr) *why = found.reason;
@@ -502,12 +531,14 @@ Result<ExportedMachine> exported_machine(const std::string& folder) {
 Result<Watch> watch(const AnyMachine& machine, const std::vector<RecordRow>& rows, const WatchOptions& options) {
   Watch w;
   w.points.reserve(rows.size());
-  constexpr double kBend = 0.1;  // s, between two points of the expected deflection; beyond the tool is in the air
+  const RecordRow* last = nullptr;  // the last one that can be
+  constexpr double kBend = 0.1;     // s, between two points of the expected deflection; beyond the tool is in the air
   for (std::size_t k = 0; k < rows.size(); ++k) {
     if (k % 256 == 0 && !options.progress(0.5 * static_cast<double>(k) / static_cast<double>(rows.size())))
       return fail("LC119", "interrupted");
     std::string why;
-    WatchPoint p = point_of(machine, options.calibrated, rows[k], &why);
+    WatchPoint p = point_of(machine, options.calibrated, rows[k], last, &why);
+    if (p.known) last = &rows[k];
     if (!p.known) {
       if (w.no_pose++ == 0) {
         w.no_pose_time = p.time;
@@ -517,7 +548,11 @@ Result<Watch> watch(const AnyMachine& machine, const std::vector<RecordRow>& row
     const Vec3 way = rows[std::min(k + 1, rows.size() - 1)].command.p - rows[k > 0 ? k - 1 : 0].command.p;
     constexpr double kStands = 1e-9;  // m
     if (way.norm() > kStands) p.along = way.normalized();
-    if (p.known) w.turn_largest = std::max(w.turn_largest, p.turn);
+    if (p.known && p.turn > w.turn_largest) {
+      w.turn_largest = p.turn;
+      w.turn_time = p.time;
+      w.turn_line = p.line;
+    }
     w.points.push_back(p);
   }
   if (options.bends) {
@@ -562,13 +597,17 @@ Result<Watch> watch(const AnyMachine& machine, const std::vector<RecordRow>& row
 
 LiveWatch::Seen LiveWatch::see(const RecordRow& row) {
   Seen out;
-  out.point = point_of(machine_, calibrated_, row, nullptr);
+  out.point = point_of(machine_, calibrated_, row, before_ ? &*before_ : nullptr, nullptr);
+  if (out.point.known) before_ = row;
   ++rows_;
   if (!out.point.known) ++no_pose_;
   const double size = out.point.deviation().norm();
-  if (out.point.known) largest_ = std::max(largest_, size);
+  if (out.point.known) {
+    largest_ = std::max(largest_, size);
+    turn_largest_ = std::max(turn_largest_, out.point.turn);
+  }
   if (!(warn_ > 0)) return out;
-  if (!out.point.known || size > warn_) {
+  if (!out.point.known || size > warn_ || out.point.turn > warn_turn_) {
     if (!beyond_) {
       ++stretches_;
       out.begins = true;

@@ -75,7 +75,13 @@ Result<motion::PosePath> read_move(const config::Table& t, Duty& out) {
   POLYPOD_TRY(read_limits(t, out));
   POLYPOD_ASSIGN(blend, t.optional_number("blend_mm", 0, config::kNotNegative));
   POLYPOD_ASSIGN(read, motion::pose_path_from(t));
-  if (blend > 0) read.path = motion::blended(read.path, units::from_mm(blend), std::isfinite(out.tool.jerk));
+  if (read.timed) {
+    return fail("OP140", "[move] has times, and a study takes the least", t.place(),
+                "leave time_s out, but for waits; the cycle time is a figure that can be held or wanted");
+  }
+  const bool jerk = std::min({out.tool.jerk, out.sliding.jerk, out.turning.jerk}) < kInf;
+  read.path = motion::with_speed(std::move(read.path), read.speed);
+  if (blend > 0) read.path = motion::blended(read.path, units::from_mm(blend), jerk);
   return read.path;
 }
 

@@ -34,17 +34,17 @@ Direction draw_direction(Ledger& ledger) {
 /// The front as it is known, in shares of its own extent: 0 a little below its worst goals, about 1 at its best.
 class Frame {
  public:
-  explicit Frame(const Ledger& ledger) : study_(ledger.study()) {
+  explicit Frame(const Ledger& ledger) : scale_(ledger) {
     std::vector<std::vector<double>> all;
     for (const Row& row : ledger.rows()) {
       if (!ledger.is_candidate(row) || row.evaluation.violation != 0) continue;
-      std::vector<double> g = middle_goals(study_, row.evaluation);
+      std::vector<double> g = scale_.of(row.evaluation);
       if (std::all_of(g.begin(), g.end(), [](double x) { return std::isfinite(x); })) all.push_back(std::move(g));
     }
     std::copy_if(all.begin(), all.end(), std::back_inserter(front_), [&](const auto& g) {
       return std::none_of(all.begin(), all.end(), [&](const auto& other) { return dominates(other, g); });
     });
-    for (std::size_t k = 0; !front_.empty() && k < study_.goals.size(); ++k) {
+    for (std::size_t k = 0; !front_.empty() && k < front_[0].size(); ++k) {
       const auto [least, most] = ends(front_, k);
       const auto [worst, best] = ends(all, k);
       constexpr double kBelow = 0.1, kOfAll = 0.05;  // a front of few points has hardly an extent
@@ -54,6 +54,9 @@ class Frame {
     }
   }
   [[nodiscard]] bool empty() const { return front_.empty(); }
+  [[nodiscard]] double reach(const Evaluation& e, const Direction& to) const {
+    return empty() ? -kInf : reach(scale_.of(e), to);
+  }
   /// How far a point reaches: min_k share_k / direction_k; at an end the share of its goal, and little of the others.
   [[nodiscard]] double reach(const std::vector<double>& goals, const Direction& to) const {
     constexpr double kOfOthers = 0.02;
@@ -84,7 +87,7 @@ class Frame {
   }
   [[nodiscard]] double share(std::size_t goal, double value) const { return (value - base_[goal]) / extent_[goal]; }
 
-  const Study& study_;
+  GoalScale scale_;
   std::vector<std::vector<double>> front_;
   std::vector<double> base_, extent_;
 };
@@ -160,8 +163,7 @@ Result<std::vector<Member>> expect_front(Ledger& ledger) {
       std::stable_sort(all.begin(), all.end(), [&](const Member& a, const Member& b) {
         const auto worth = [&](const Member& m) {
           const Evaluation& e = ledger.of(m);
-          const double reach = frame.empty() ? -kInf : frame.reach(middle_goals(ledger.study(), e), push.direction());
-          return Rank{e.violation, reach};
+          return Rank{e.violation, frame.reach(e, push.direction())};
         };
         return worth(a) > worth(b);
       });

@@ -99,6 +99,29 @@ std::vector<double> middle_goals(const Study& study, const Evaluation& e) {
   return out;
 }
 
+GoalScale::GoalScale(const Ledger& ledger) : study_(ledger.study()), by_ratio_(study_.goals.size(), true) {
+  constexpr double kNone = 1e-6;  // of the largest: as good as 0
+  const double none = std::numeric_limits<double>::infinity();
+  std::vector<double> least(by_ratio_.size(), none), most(by_ratio_.size(), -none);
+  for (const Row& row : ledger.rows()) {
+    const std::vector<double> goals = middle_goals(study_, row.evaluation);
+    for (std::size_t k = 0; k < goals.size(); ++k) {
+      if (!std::isfinite(goals[k])) continue;
+      const double value = study_.goals[k].maximise ? goals[k] : -goals[k];
+      least[k] = std::min(least[k], value);
+      most[k] = std::max(most[k], value);
+    }
+  }
+  for (std::size_t k = 0; k < by_ratio_.size(); ++k) by_ratio_[k] = least[k] > kNone * std::max(most[k], 0.0);
+}
+
+std::vector<double> GoalScale::of(const Evaluation& e) const {
+  std::vector<double> out = middle_goals(study_, e);
+  for (std::size_t k = 0; k < out.size(); ++k)
+    if (by_ratio_[k] && std::isfinite(out[k])) out[k] = out[k] > 0 ? std::log(out[k]) : -std::log(-out[k]);
+  return out;
+}
+
 Models::Models(const Study& study) : study_(study), figures_(study.figures()) {
   for (const Hold& h : study.holds)
     if (!h.box) holds_.push_back(&h);
@@ -142,12 +165,13 @@ std::vector<std::size_t> Models::rows_of(const Ledger& ledger) const {
 void Models::learn(const Ledger& ledger, const std::vector<Member>& believed, bool again) {
   std::vector<Points> wanted(wanted_.size()), kept(kept_.size());
   bool any_other = false;
+  const GoalScale scale(ledger);
   for (const std::size_t i : rows_of(ledger)) {
     const Row& row = ledger.rows()[i];
     const Shares u = ledger.shares_of(row);
     const Evaluation& e = row.evaluation;
     if (study_.wants_front()) {
-      const std::vector<double> goals = middle_goals(study_, e);
+      const std::vector<double> goals = scale.of(e);
       for (std::size_t k = 0; k < goals.size(); ++k)
         if (std::isfinite(goals[k])) wanted[k].add(u, goals[k]);
     } else if (std::isfinite(e.objective.value)) {

@@ -39,6 +39,19 @@ class Models {
 /// The goals of an evaluation between their bounds, so that more is better; -infinity where one is not known.
 std::vector<double> middle_goals(const Study& study, const Evaluation& e);
 
+/// The goals as they count in a search for a front. Of figures that are above 0 in all rows ratios count, as in JEL
+/// (8.2) and (8.3): their logarithms. A condition number of 3 instead of 2 is as much as one of 300 instead of 200.
+class GoalScale {
+ public:
+  explicit GoalScale(const Ledger& ledger);
+  /// More is better; -infinity where one is not known.
+  [[nodiscard]] std::vector<double> of(const Evaluation& e) const;
+
+ private:
+  const Study& study_;
+  std::vector<bool> by_ratio_;
+};
+
 /// The larger the better, of each of these places.
 using Worth = std::function<Eigen::VectorXd(const std::vector<Shares>&)>;
 /// The place of the largest worth: over all ranges and about each of `about` at every scale, then refined in some

@@ -12,6 +12,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/machine/assumed.hpp"
 
 namespace polypod::motion {
 namespace {
@@ -60,7 +61,8 @@ class Follower {
       begins_.push_back(s);
       s += stretch.size;
     }
-    has_clearance_ = clearance_of(machine, Vec3::Zero()).has_value();
+    has_clearance_ = motion::has_clearance(machine);
+    assumed_ = machine::limits_are_assumed(machine);
   }
 
   [[nodiscard]] const AnyMachine& machine() const { return machine_; }
@@ -98,7 +100,7 @@ class Follower {
     out.branch = chosen->branch;
     out.X = kinematics::settled(machine_, target, out.q);
     if (!judged) return out;
-    out.violations = kinematics::violations(machine_, out.X, out.q);
+    if (!assumed_) out.violations = kinematics::violations(machine_, out.X, out.q);
     out.condition = kinematics::dexterity(machine_, out.X, out.q).condition;
     if (has_clearance_) out.clearance = clearance_of(machine_, out.X.p).value_or(0);
     return out;
@@ -307,6 +309,7 @@ class Follower {
   const MoveOptions& options_;
   int joints_;
   bool has_clearance_ = false;
+  bool assumed_ = false;  ///< ranges of joints that nobody gave are not judged
   mutable bool cancelled_ = false;
   std::vector<double> begins_;
 };
@@ -1342,9 +1345,9 @@ class Mover {
   void frequencies(MoveResult& out) const {
     if (!options_.dynamics) return;
     double lowest = kNoLimit;
-    const std::size_t every = std::max<std::size_t>(1, out.samples.size() / 200);
-    for (std::size_t k = 0; k < out.samples.size(); k += every) {
-      const MoveSample& s = out.samples[k];
+    constexpr int kPlaces = 200;
+    for (int k = 0; k < kPlaces; ++k) {
+      const MoveSample s = sample_at_time(law_.duration() * k / (kPlaces - 1));
       if (!s.reached) continue;
       const std::vector<double> f = natural_frequencies(follower_.machine(), *options_.dynamics, s.X, s.q);
       if (f.empty()) return;
@@ -1380,6 +1383,10 @@ class Mover {
 };
 
 }  // namespace
+
+bool has_clearance(const AnyMachine& machine) {
+  return clearance_of(machine, Vec3::Zero()).has_value();
+}
 
 Result<MoveResult> move(const AnyMachine& machine, const PosePath& path, const MoveOptions& options) {
   constexpr double kMostPoints = 1e6;

@@ -227,8 +227,8 @@ double length_of(const Stretch& s) {
 /// p_0
 ///   x'''(0)  =   60 d / h^3 - (36 v_0 + 24 v_1) / h^2 + (3 a_1 - 9 a_0) / h,
 ///   x''''(0) = -360 d / h^4 + (192 v_0 + 168 v_1) / h^3 + (36 a_0 - 24 a_1) / h^2,
-/// and at its end the same backwards in time.
-void spline_through(std::span<const Stretch> lines, std::span<Stretch> out) {
+/// and at its end the same backwards in time. False where the durations differ so much that rounding leaves no spline.
+bool spline_through(std::span<const Stretch> lines, std::span<Stretch> out) {
   using Value = Eigen::Matrix<double, 1, 6>;
   using Values = Eigen::Matrix<double, Eigen::Dynamic, 6>;
   const auto n = static_cast<Eigen::Index>(lines.size());
@@ -269,9 +269,12 @@ void spline_through(std::span<const Stretch> lines, std::span<Stretch> out) {
   if (n > 1) {
     Eigen::SparseMatrix<double> A(2 * (n - 1), 2 * (n - 1));
     A.setFromTriplets(entries.begin(), entries.end());
-    const Values inner = Eigen::SparseLU<Eigen::SparseMatrix<double>>(A).solve(known);  // no block: it must be a whole
+    const Eigen::SparseLU<Eigen::SparseMatrix<double>> solver(A);
+    if (solver.info() != Eigen::Success) return false;
+    const Values inner = solver.solve(known);  // no block: it must be a whole
     rates.middleRows(2, 2 * (n - 1)) = inner;
   }
+  if (!rates.allFinite()) return false;
   // One rate of the parameter for all, so that it goes on from stretch to stretch.
   const double scale = length / static_cast<double>(n);
   for (Eigen::Index k = 0; k < n; ++k) {
@@ -291,6 +294,7 @@ void spline_through(std::span<const Stretch> lines, std::span<Stretch> out) {
     for (Eigen::Index i = 0; i < 6; ++i, power *= scale) s.polynomial.col(i) /= power;
     s.length = s.length > 0 ? length_of(s) : 0;
   }
+  return true;
 }
 
 }  // namespace
@@ -394,12 +398,20 @@ Result<PosePath> splined(const PosePath& path) {
   const auto& all = path.stretches;
   for (std::size_t first = 0, last = 0; first < all.size(); first = last) {
     while (last < all.size() && (last == first || !(all[last - 1].wait > 0))) ++last;
-    spline_through({all.data() + first, last - first}, {out.stretches.data() + first, last - first});
+    if (!spline_through({all.data() + first, last - first}, {out.stretches.data() + first, last - first})) {
+      return fail("MO112", "a spline in these times is lost in rounding: their sizes differ too much",
+                  {{}, all[first].line}, "give times that are nearer to each other, or take another profile");
+    }
   }
   out.length = out.size = 0;
   for (const Stretch& s : out.stretches) {
     out.length += s.length;
     out.size += s.size;
+  }
+  constexpr double kDetour = 1e4;  // of the straight ways
+  if (!(out.length <= kDetour * std::max(path.length, kSame))) {
+    return fail("MO112", "a spline in these times is no way through the points: it is more than 1e4 times as long", {},
+                "give times that are nearer to each other, or take another profile");
   }
   return out;
 }
@@ -461,6 +473,12 @@ double deviation_of(const Stretch& blend, const Stretch& a, const Stretch& b, do
 }
 
 }  // namespace
+
+PosePath with_speed(PosePath path, double speed) {
+  for (Stretch& s : path.stretches)
+    if (!(s.speed > 0)) s.speed = speed;
+  return path;
+}
 
 PosePath blended(const PosePath& path, double deviation, bool curvature) {
   const std::size_t n = path.stretches.size();
@@ -546,6 +564,9 @@ Result<bool> timed(const std::vector<Stretch>& stretches, const Place& place) {
   return with != 0;
 }
 
+// Beyond them lies a wrong unit, and numbers that no longer add up.
+constexpr config::Range kTimes_s{1e-6, 1e9}, kSpeeds_mm_per_s{1e-6, 1e9};
+
 }  // namespace
 
 Result<PosePathFile> pose_path_from(const config::Table& table) {
@@ -583,7 +604,7 @@ Result<PosePathFile> pose_path_from(const config::Table& table) {
     at.angles = first;
     out.angles = true;
   }
-  POLYPOD_ASSIGN(speed, table.optional_number("speed_mm_per_s", 0, config::kNotNegative));
+  POLYPOD_ASSIGN(speed, table.optional_number("speed_mm_per_s", 0, kSpeeds_mm_per_s));
   out.speed = units::from_mm(speed);
   POLYPOD_ASSIGN(one_axis, choice(table, "turning", {"angles", "turn"}));
   POLYPOD_ASSIGN(profile, choice(table, "profile", {"linear", "smooth", "spline"}));
@@ -608,8 +629,8 @@ Result<PosePathFile> pose_path_from(const config::Table& table) {
       POLYPOD_ASSIGN(via, point(row, "via_mm"));
       stretch = curved(at, via, to, turning);
     }
-    POLYPOD_ASSIGN(time, row.optional_number("time_s", 0, config::kPositive));
-    POLYPOD_ASSIGN(own_speed, row.optional_number("speed_mm_per_s", 0, config::kPositive));
+    POLYPOD_ASSIGN(time, row.optional_number("time_s", 0, kTimes_s));
+    POLYPOD_ASSIGN(own_speed, row.optional_number("speed_mm_per_s", 0, kSpeeds_mm_per_s));
     POLYPOD_ASSIGN(stop, row.optional_boolean("stop", false));
     POLYPOD_TRY(row.finish());
     if (!bow && stretches.waits(at, to, time)) continue;
@@ -663,6 +684,12 @@ Result<PosePathFile> read_csv(const std::string& file, const std::vector<std::st
                     table.place_of(row));
       }
       const double duration = has_time ? time - last_time : 0;
+      if (has_time && !(duration >= kTimes_s.min && duration <= kTimes_s.max)) {
+        return fail("MO113",
+                    fmt::format("time_s {:g} after {:g}: a stretch takes {:g} s at least, {:g} s at most", time,
+                                last_time, kTimes_s.min, kTimes_s.max),
+                    table.place_of(row));
+      }
       if (!stretches.waits(last, to, duration)) {
         Result<Stretch> stretch = straight(last, to);
         if (!stretch)

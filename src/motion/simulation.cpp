@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/families.hpp"
@@ -91,6 +92,10 @@ Status allowed(const AnyMachine& machine, const Dynamics& dynamics, const Simula
   return {};
 }
 
+void in_order(std::vector<LimitPassed>& passed) {
+  std::stable_sort(passed.begin(), passed.end(), [](const LimitPassed& a, const LimitPassed& b) { return a.t < b.t; });
+}
+
 }  // namespace
 
 std::optional<JointVector> accelerations(const AnyMachine& machine, const Dynamics& dynamics, const Pose& X,
@@ -134,10 +139,6 @@ Result<Simulation> simulate(const AnyMachine& machine, const Dynamics& dynamics,
     s.X = f.near();
     s.energy = energy_of(machine, dynamics, driven_series(machine, s.X, s.q, s.speed, s.acceleration));
     s.violations = kinematics::violations(machine, s.X, s.q);
-    for (const std::string& limit : kinematics::limit_names(machine, s.violations & ~broken)) {
-      out.passed.push_back({t, limit});
-    }
-    broken |= s.violations;
     if (!out.samples.empty()) {
       const SimulationSample& first = out.samples.front();
       const double gained = s.energy.kinetic + s.energy.potential - first.energy.kinetic - first.energy.potential;
@@ -145,7 +146,46 @@ Result<Simulation> simulate(const AnyMachine& machine, const Dynamics& dynamics,
     }
     out.samples.push_back(std::move(s));
   };
+  out.drives.resize(static_cast<std::size_t>(n));
+  const auto extend = [&] {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      DriveExtent& d = out.drives[static_cast<std::size_t>(i)];
+      d.low = std::min(d.low, y[i]);
+      d.high = std::max(d.high, y[i]);
+      d.speed = std::max(d.speed, std::abs(y[n + i]));
+      d.acceleration = std::max(d.acceleration, std::abs((*slope)[n + i]));
+    }
+  };
+  const auto pass = [&](kinematics::LimitBits fresh, double t) {
+    for (const std::string& limit : kinematics::limit_names(machine, fresh)) out.passed.push_back({t, limit});
+    broken |= fresh;
+  };
+  // Of a step, between its ends by the cubic that has their values and rates.
+  const auto judge_step = [&](double t, double step, const Eigen::VectorXd& y0, const Eigen::VectorXd& rate0,
+                              const Pose& X0) {
+    const auto broken_at = [&](double share) -> kinematics::LimitBits {
+      const double w = share, e = 1 - w;
+      const JointVector there = (e * e * (1 + 2 * w)) * y0.head(n) + (w * w * (3 - 2 * w)) * y.head(n) +
+                                step * w * e * (e * rate0.head(n) - w * slope->head(n));
+      const std::optional<Pose> at = pose_of(machine, there, w < 0.5 ? X0 : f.near());
+      return at ? kinematics::violations(machine, *at, there) & ~broken : 0;
+    };
+    constexpr int kPlaces = 4, kHalvings = 10;
+    for (int k = 1; k <= kPlaces; ++k) {
+      for (kinematics::LimitBits fresh = broken_at(static_cast<double>(k) / kPlaces); fresh != 0; fresh &= fresh - 1) {
+        const kinematics::LimitBits bit = fresh & ~(fresh - 1);
+        double low = static_cast<double>(k - 1) / kPlaces, high = static_cast<double>(k) / kPlaces;
+        for (int i = 0; i < kHalvings; ++i) {
+          const double middle = 0.5 * (low + high);
+          ((broken_at(middle) & bit) != 0 ? high : low) = middle;
+        }
+        pass(bit, t + high * step);
+      }
+    }
+  };
+  extend();
   add_sample(0);
+  pass(out.samples.front().violations, 0);
   const auto intervals = static_cast<std::size_t>(std::max(1.0, std::ceil(options.time / options.interval - 1e-9)));
   const bool fixed = options.step > 0;
   double h = fixed ? options.step : options.interval / 10;
@@ -188,19 +228,23 @@ Result<Simulation> simulate(const AnyMachine& machine, const Dynamics& dynamics,
               fmt::format("after {:.4g} s the machine runs into a singular pose, or out of what its legs allow{}", t,
                           fixed ? " within a step" : "");
           add_sample(t);
+          in_order(out.passed);
           return out;
         }
         continue;
       }
       ++out.steps;
-      y = next->y;
-      slope = slope_there;
+      const Eigen::VectorXd y_before = std::exchange(y, next->y), rate_before = *std::exchange(slope, slope_there);
+      const Pose X_before = f.near();
       f.come_to(*X_there);
+      extend();
+      judge_step(t, step, y_before, rate_before, X_before);
       t = to - (t + step) < 1e-9 * (to - from) ? to : t + step;
       if (!fixed) h = step * std::clamp(0.9 * std::pow(std::max(error, 1e-10), -0.2), 0.2, 5.0);
     }
     add_sample(to);
   }
+  in_order(out.passed);
   return out;
 }
 

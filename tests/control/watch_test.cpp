@@ -176,9 +176,43 @@ TEST(Watch, SaysWhatItCannotKnow) {
   EXPECT_EQ(w->lines.front().not_judged, 1U);
 }
 
+// A joint beyond its range, one that jumps, and a tool that is turned while its tip stays.
+TEST(Watch, JointsThatCannotBeAndTurnsOfTheToolAreSeen) {
+  const AnyMachine m = test::load("ur10e");
+  JointVector q(6);
+  q << 0.3, -1.2, 1.5, -0.4, 1.1, 0.2;
+  std::vector<RecordRow> rows;
+  for (int k = 0; k < 60; ++k) {
+    q[0] += 1e-3;
+    rows.push_back({0.001 * k, 3, kinematics::forward(m, q).poses.front(), q});
+  }
+  WatchOptions options;
+  options.warn = 20e-6;
+  auto changed = rows;
+  changed[20].joints[5] = 1e300;
+  changed[30].joints[5] += 1.5;
+  auto w = watch(m, changed, options);
+  ASSERT_TRUE(w) << to_string(w.error());
+  EXPECT_EQ(w->no_pose, 2U);
+  EXPECT_EQ(w->no_pose_why.substr(0, 10), "joint 6 at");
+  EXPECT_EQ(w->judged, rows.size() - 2);
+  EXPECT_LT(w->turn_largest, 1e-9);
+  changed = rows;
+  for (RecordRow& row : changed) row.joints[5] += 0.05;
+  w = watch(m, changed, options);
+  ASSERT_TRUE(w);
+  EXPECT_EQ(w->no_pose, 0U);
+  EXPECT_NEAR(w->turn_largest, 0.05, 1e-9);
+  EXPECT_LT(w->largest, 0.05 * 0.2);
+  LiveWatch live(m, nullptr, 1, 1e-3);
+  for (const RecordRow& row : changed) live.see(row);
+  EXPECT_EQ(live.stretches(), 1U);
+  EXPECT_NEAR(live.turn_largest(), 0.05, 1e-9);
+}
+
 TEST(Watch, LiveSaysBeginAndEnd) {
   const AnyMachine m = test::load("hexapod-strut");
-  LiveWatch live(m, nullptr, 30e-6);
+  LiveWatch live(m, nullptr, 30e-6, 1e-3);
   std::vector<double> begins, ends;
   for (const RecordRow& row : record_of(m, [](double t) { return Vec3(0, t > 3 && t < 3.5 ? 40e-6 : 5e-6, 0); })) {
     const LiveWatch::Seen seen = live.see(row);

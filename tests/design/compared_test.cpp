@@ -81,6 +81,28 @@ TEST(Compared, StandsBesideTheBest) {
   EXPECT_EQ(kept_compared(*store)->rows.size(), 4U);  // of the longer list, which is that of the store
 }
 
+// Certainly better, or worse, is only what is beyond the bounds of both, whatever lies in their middle.
+TEST(Compared, TheBoundsDecide) {
+  const Study s = study_on_strut("[[vary]]\nkey = \"base.radius_mm\"\nvalues = [40, 45]\n" + std::string(kFootprint) +
+                                 known("the other", "\"base.radius_mm=45\""));
+  std::vector<Row> rows(1);
+  rows[0].varied = {40};
+  rows[0].evaluation.state = State::done;
+  rows[0].evaluation.violation = 0;
+  rows[0].evaluation.objective = {1, 0.9, 1.1};
+  rows[0].evaluation.figures = {{1, 0.9, 1.1}};
+  Row other = rows[0];
+  other.varied = {45};
+  const std::optional<JudgedAgain> none;
+  using Is = Standing::Is;
+  for (const auto& [value, lower, upper, is] :
+       {std::tuple{1.2, 1.05, 1.35, Is::alike}, std::tuple{1.2, 1.11, 1.3, Is::better},
+        std::tuple{0.8, 0.65, 0.95, Is::alike}, std::tuple{0.8, 0.7, 0.89, Is::worse}}) {
+    other.evaluation.objective = {value, lower, upper};
+    EXPECT_EQ(standing_of({s, rows, none}, other).is, is) << value << ' ' << lower << ' ' << upper;
+  }
+}
+
 TEST(Compared, StandsBesideAFront) {
   const Study s =
       study_on_strut("poses = [[0, 0, 60, 0, 0, 0]]\n[[vary]]\nkey = \"base.radius_mm\"\nvalues = [40, 50]\n" +

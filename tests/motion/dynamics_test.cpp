@@ -281,6 +281,17 @@ dh = [{ a_mm = 500 }, { a_mm = 400 }]
   const double t2 = M12 * s.a[0] + M22 * s.a[1] + k * sin2 * s.v[0] * s.v[0] + G2;
   EXPECT_NEAR(got[0], t1, 1e-8 * std::abs(t1));
   EXPECT_NEAR(got[1], t2, 1e-8 * std::abs(t2));
+  // Friction is added against the motion: what the drive gives rises with its sense, and nothing where it stands.
+  d.friction = {5, 6};
+  d.viscous = {0.5, 0.7};
+  const JointVector rubbed = drive_forces(m, d, series_of(m, kinematics::forward(m, s.q).poses.front(), s));
+  EXPECT_NEAR(rubbed[0] - got[0], 5 + 0.5 * 1.3, 1e-12);
+  EXPECT_NEAR(rubbed[1] - got[1], -6 - 0.7 * 0.7, 1e-12);
+  s.v.setZero();
+  const JointVector standing = drive_forces(m, d, series_of(m, kinematics::forward(m, s.q).poses.front(), s));
+  d.friction.clear();
+  const JointVector smooth = drive_forces(m, d, series_of(m, kinematics::forward(m, s.q).poses.front(), s));
+  EXPECT_EQ(standing, smooth);
 }
 
 /// A mass on two slides, each with its compliance: the closed frequencies of two masses in a row.

@@ -275,6 +275,18 @@ TEST(Simulation, SaysWhichLimitsArePassed) {
   } else {
     EXPECT_LT(got.samples.back().t, 2);
   }
+  // Whatever the samples: the same limits at the same times, and the same extent of the drives.
+  o.interval = 2;
+  const Simulation coarse = run(m, d, s, o);
+  ASSERT_EQ(coarse.passed.size(), got.passed.size());
+  for (std::size_t k = 0; k < got.passed.size(); ++k) {
+    EXPECT_EQ(coarse.passed[k].limit, got.passed[k].limit);
+    EXPECT_NEAR(coarse.passed[k].t, got.passed[k].t, 2e-3 * got.passed[k].t);
+  }
+  for (std::size_t i = 0; i < got.drives.size(); ++i) {
+    const double all = got.drives[i].high - got.drives[i].low;
+    EXPECT_NEAR(coarse.drives[i].high - coarse.drives[i].low, all, 0.02 * all) << i;
+  }
 }
 
 }  // namespace

@@ -79,7 +79,7 @@ Result<ExportedMachine> exported_machine(const std::string& folder);
 struct WatchPoint {
   double time = 0;
   int line = 0;
-  bool known = false;  ///< the joints are a pose of the machine
+  bool known = false;  ///< the joints are a pose of the machine, within their ranges, and can have come there
   Vec3 command = Vec3::Zero();
   Vec3 drives = Vec3::Zero();    ///< forward(q) - command: joints that do not follow, and the controller's own figures
   Vec3 geometry = Vec3::Zero();  ///< forward of the calibrated machine less that of the nominal one
@@ -153,7 +153,8 @@ struct Watch {
   double shift_uncertainty = 0;  ///< s, standard, of white noise
   JointVector follow;            ///< rad or m, joints less those of the command, where `drives` is largest; empty: none
   double follow_time = 0;
-  double turn_largest = 0;  ///< rad
+  double turn_largest = 0, turn_time = 0;  ///< rad, and when
+  int turn_line = 0;
 };
 
 /// The deviation of the tip from its command at every row, its parts, and where it is beyond the limit.
@@ -175,8 +176,9 @@ Result<Watch> watch(const AnyMachine& machine, const std::vector<RecordRow>& row
 /// The deviation forward(q) - command of rows as they come; begins and ends of stretches beyond the limit.
 class LiveWatch {
  public:
-  LiveWatch(const AnyMachine& machine, const AnyMachine* calibrated, double warn)
-      : machine_(machine), calibrated_(calibrated), warn_(warn) {}
+  /// `warn`: m; `warn_turn`: rad, of the orientation.
+  LiveWatch(const AnyMachine& machine, const AnyMachine* calibrated, double warn, double warn_turn)
+      : machine_(machine), calibrated_(calibrated), warn_(warn), warn_turn_(warn_turn) {}
   struct Seen {
     WatchPoint point;
     bool begins = false, ends = false;  ///< a stretch beyond the limit; a row whose joints are no pose counts as beyond
@@ -187,11 +189,14 @@ class LiveWatch {
   [[nodiscard]] std::size_t no_pose() const { return no_pose_; }
   [[nodiscard]] std::size_t stretches() const { return stretches_; }
   [[nodiscard]] double largest() const { return largest_; }
+  [[nodiscard]] double turn_largest() const { return turn_largest_; }
 
  private:
   const AnyMachine& machine_;
   const AnyMachine* calibrated_;
-  double warn_;
+  double warn_, warn_turn_;
+  double turn_largest_ = 0;
+  std::optional<RecordRow> before_;
   bool beyond_ = false;
   double stretch_largest_ = 0, largest_ = 0, inside_since_ = 0;
   std::size_t rows_ = 0, no_pose_ = 0, stretches_ = 0;

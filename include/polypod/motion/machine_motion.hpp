@@ -143,6 +143,9 @@ struct MoveResult {
   [[nodiscard]] bool ok() const { return violations.empty(); }
 };
 
+/// Whether the distance from singular poses, not the condition number, says what is near-singular (of deltas).
+bool has_clearance(const AnyMachine& machine);
+
 /// With actuators, each drive goes linearly from one commanded position, a multiple of its resolution, to the next; the
 /// pose that the tool then has is found by Newton's method on the closure. Contour errors are the largest of 4 instants
 /// a command.

@@ -90,6 +90,9 @@ Result<PosePath> pose_path_of(std::vector<Stretch> stretches);
 /// stretches that turn about one axis are left as they are; a blend takes at most half of either stretch.
 PosePath blended(const PosePath& path, double deviation, bool curvature);
 
+/// The same path with a largest speed of the tip, m/s, wherever no stretch has its own.
+PosePath with_speed(PosePath path, double speed);
+
 /// A part of a stretch that is no blend, from a to b of its parameter.
 Stretch part_of(const Stretch& stretch, double a, double b);
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -39,14 +40,22 @@ struct SimulationSample {
 
 /// A limit that the motion passes; it does not stop there.
 struct LimitPassed {
-  double t = 0;  ///< s, of the first sample beyond it
+  double t = 0;  ///< s, where it is first beyond it, to a thousandth of a step
   std::string limit;
+};
+
+/// What a drive did at all steps, between samples as well.
+struct DriveExtent {
+  double low = std::numeric_limits<double>::infinity(), high = -low;  ///< rad or m
+  double speed = 0, acceleration = 0;                                 ///< largest absolute values
 };
 
 struct Simulation {
   std::vector<SimulationSample> samples;
   std::vector<LimitPassed> passed;  ///< each limit once
-  /// J, the largest difference between what the energy has gained and the work: what the integration lost or made.
+  std::vector<DriveExtent> drives;
+  /// J, the largest difference between what the energy has gained and the work at a sample: what the integration lost
+  /// or made.
   double drift = 0;
   std::size_t steps = 0, repeated = 0;  ///< taken; and tried again with less
   std::string stopped;                  ///< why it ended before its time, in words; empty where it did not
