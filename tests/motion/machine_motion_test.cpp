@@ -870,6 +870,54 @@ TEST(Move, ANearlySingularWristIsPassedInItsPosture) {
   }
 }
 
+// The planar machine is singular at C = 29.72 deg, less than a step behind where a stretch begins.
+TEST(Move, ASingularPoseInTheFirstStepOfAStretchIsFound) {
+  const AnyMachine m = load("planar-3rrr");
+  const auto at = [](double c) {
+    const double x = 2e-3 + (c - 17) * 4.0 / 34 * 1e-3;
+    return TargetPose{Vec3(x, 0, 0), Vec3(0, 0, units::from_deg(c))};
+  };
+  for (const double between : {29.2, 29.4, 29.6, 29.8, 30.0}) {
+    MoveOptions options;
+    options.speed = 0.01;
+    const auto r = move(m, *pose_path_of({*straight(at(20), at(between)), *straight(at(between), at(60))}), options);
+    ASSERT_TRUE(r);
+    EXPECT_GT(r->worst_condition, 1e6) << between;
+    EXPECT_FALSE(r->ok()) << between;
+  }
+}
+
+// Joint 6 may turn from -266 to 266 deg: the turn of 200 deg about the tool fits from one of its places alone.
+TEST(Move, AJointBeginsInTheTurnFromWhichThePathPasses) {
+  const AnyMachine m = load("puma560");
+  for (const double sense : {-1.0, 1.0}) {
+    JointVector q(6);
+    q << 0.2, 0.7, -1.0, 0.3, 0.6, sense * units::from_deg(170);
+    const Pose X = kinematics::forward(m, q).poses.front();
+    std::vector<Stretch> stretches;
+    TargetPose last{X.p, angles_abc(X.R)};
+    for (int k = 1; k <= 2; ++k) {
+      const double turn = units::from_deg(-100 * sense * k);  // the tool's z points against that of joint 6
+      const TargetPose next{X.p, angles_abc(X.R * rotation_abc(0, 0, turn))};
+      stretches.push_back(*straight(last, next, Turning::turn));
+      last = next;
+    }
+    MoveOptions options;
+    options.law = Law::fastest;
+    options.limits.turn_speed = 1;
+    const auto starts = kinematics::inverse(m, X).solutions;
+    for (std::size_t k = 0; k < starts.size(); ++k)
+      if ((starts[k].joints - q).head(5).norm() < 1e-6) options.start = k;
+    const auto r = move(m, *pose_path_of(stretches), options);
+    ASSERT_TRUE(r);
+    ASSERT_TRUE(r->ok()) << r->violations.front().detail;
+    EXPECT_NE(r->branch.find("joint 6 begins at"), std::string::npos) << r->branch;
+    EXPECT_NEAR(r->drives[5].first, sense * units::from_deg(-190), 1e-9);
+    EXPECT_NEAR(r->drives[5].last, sense * units::from_deg(10), 1e-9);
+    EXPECT_TRUE(r->starts.back().chosen);
+  }
+}
+
 TEST(Move, LimitsAreFoundWhereTheyAreBroken) {
   const AnyMachine any = load("hexapod-strut");
   const auto& m = std::get<machine::StrutHexapod>(any);
