@@ -481,7 +481,7 @@ Command optimize_command() {
           fmt::print("{} of them were kept from before\n", static_cast<std::int64_t>(asked.size()) - found.computed);
         }
         if (found.rows.size() > asked.size()) {
-          fmt::print("{} more are there of a search with another number of evaluations, and count\n",
+          fmt::print("{} more are there of another search (evaluations, search), and count\n",
                      found.rows.size() - asked.size());
         }
         if (found.starts.size() > 1) fmt::print("{}\n", design::in_words(found.starts, found.rows));

@@ -835,7 +835,9 @@ Command move_command() {
         if (o->start == "best") {
           options.best_start = true;
         } else if (!o->start.empty()) {
-          POLYPOD_ASSIGN(k, count_of(o->start, "--start", {1, 1000}, ""));
+          const auto number = count_of(o->start, "--start", {1, 1000}, "");
+          if (!number) return fail("AP216", fmt::format("--start {}: not known", o->start), {}, "a number, or best");
+          const int k = *number;
           options.start = static_cast<std::size_t>(k - 1);
         }
         POLYPOD_TRY(actuators_of(m, *o, context, options));

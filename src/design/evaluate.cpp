@@ -210,11 +210,19 @@ class Judge {
         const Eigen::SelfAdjointEigenSolver<Mat3> eigen(c.linear(), Eigen::EigenvaluesOnly);
         set(Figure::compliance, exactly(units::to_um_per_N(eigen.eigenvalues().maxCoeff())));
       } else {
-        refuse("the machine cannot stand at the middle of its work: " + c.reason);
+        refuse("the machine cannot stand at the middle of its work: " + c.reason +
+               " (stiffness_N_per_um and deflection_um are asked at poses of the study)");
         return;
       }
     }
     if (wants(Figure::footprint) || wants(Figure::height)) {
+      const auto home = kinematics::home_pose(m);
+      if (home) {
+        if (const auto found = kinematics::inverse(m, *home); found.reachable() == nullptr) {
+          refuse("the machine cannot stand at home: " + kinematics::reason_of(m, found));
+          return;
+        }
+      }
       Vec3 low = Vec3::Constant(kInf), high = Vec3::Constant(-kInf);
       for (const machine::OutlinePart& part : kinematics::outline(m, kinematics::middle_of_work(m))) {
         for (const Vec3& p : part.points) {
@@ -502,7 +510,7 @@ Evaluation no_machine(const Study& study, const Error& error) {
 }
 
 /// -1 where the worst of a figure is its smallest, 1 where it is its largest: by the goal, else by the bound that a
-/// hold gives it; 0 where a hold bounds it on both sides.
+/// hold gives it; 0 where holds bound it on both sides: the worst is then the one that is the nearest to a bound.
 int worst_side(const Study& study, Figure figure) {
   for (const Goal& g : study.goals)
     if (g.figure == figure) return g.maximise ? -1 : 1;
@@ -512,6 +520,17 @@ int worst_side(const Study& study, Figure figure) {
     out += (h.min ? -1 : 0) + (h.max ? 1 : 0);
   }
   return std::clamp(out, -1, 1);
+}
+
+/// By how much a value keeps the holds on its figure, as shares of their bounds.
+double margin(const Study& study, Figure figure, double value) {
+  double out = std::numeric_limits<double>::infinity();
+  for (const Hold& h : study.holds) {
+    if (h.box || h.figure != figure) continue;
+    if (h.min) out = std::min(out, (value - *h.min) / std::max(std::abs(*h.min), 1e-12));
+    if (h.max) out = std::min(out, (*h.max - value) / std::max(std::abs(*h.max), 1e-12));
+  }
+  return out;
 }
 
 Value worst(const Value& a, const Value& b, int side) {
@@ -568,8 +587,16 @@ Result<Evaluation> worst_case(const Study& study, const Parameters& parameters, 
       out.reason = fmt::format("at a corner of the tolerances ({}): {}", where, e.reason);
     }
     out.violation = std::max(out.violation, e.violation);
-    for (std::size_t i = 0; i < order.size(); ++i)
-      out.figures[i] = worst(out.figures[i], e.figures[i], worst_side(study, order[i]));
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      Value& is = out.figures[i];
+      const Value& there = e.figures[i];
+      const int side = worst_side(study, order[i]);
+      if (side != 0) {
+        is = worst(is, there, side);
+      } else if (margin(study, order[i], there.value) < margin(study, order[i], is.value)) {
+        is = there;
+      }
+    }
     out.objective = worst(out.objective, e.objective, -1);
   }
   return out;

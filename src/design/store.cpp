@@ -327,7 +327,7 @@ Result<Store> Store::open(const std::string& folder, const Study& study, const s
     if (stored != study.identity()) {
       return fail("OP112",
                   fmt::format("{}: a folder of another study: {}", impl->path, difference(stored, study.identity())),
-                  {}, "take another folder; only the number of evaluations may change");
+                  {}, "take another folder; only the number of evaluations, `search` and [[compare]] may change");
     }
   }
   POLYPOD_TRY(impl->run("PRAGMA journal_mode = WAL"));

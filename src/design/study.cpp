@@ -285,11 +285,8 @@ Status has_figure(const Study& s, Figure figure, const Place& place) {
   if (!task.places() && !anywhere) {
     return fail("OP107", fmt::format("{} needs a machine whose task holds x, y and z", name), place);
   }
-  if (figure == Figure::compliance && !statics::has_compliance(s.start)) {
-    return fail("OP107", fmt::format("{} needs compliances, and {} has none", name, s.machine), place,
-                "give the machine file its compliances, as docs/machine-files.md says");
-  }
-  const bool on_compliance = figure == Figure::stiffness || figure == Figure::deflection;
+  const bool on_compliance =
+      figure == Figure::compliance || figure == Figure::stiffness || figure == Figure::deflection;
   if (on_compliance && !statics::has_compliance(s.start)) {
     return fail("OP107", fmt::format("{} needs compliances, and {} has none", name, s.machine), place,
                 "give the machine file its compliances, as docs/machine-files.md says");

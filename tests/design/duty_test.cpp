@@ -340,6 +340,13 @@ TEST(Robust, EachFigureIsTheWorstOfTheCornersAndHoldsAreKeptAtAllOfThem) {
   EXPECT_EQ(broken.state, State::violates);
   EXPECT_NE(broken.reason.find("base.radius_mm = 38"), std::string::npos) << broken.reason;
   EXPECT_NEAR(broken.violation, (footprint(39) - footprint(38)) / footprint(39), 1e-9);
+  // Of a figure that holds bound on both sides the worst is what is the nearest to a bound.
+  const std::string between =
+      fmt::format("[[hold]]\nfigure = \"footprint_mm2\"\nmin = {}\nmax = {}\n", 0.5 * footprint(40), footprint(42.5));
+  const Study both = study_on_strut(kRadius + goal("height_mm", "min") + between + box);
+  const Evaluation near = evaluated(both, 40);
+  ASSERT_EQ(near.state, State::done) << near.reason;
+  EXPECT_NEAR(near.figures[1].value, footprint(42), 1e-6 * footprint(42));
   // A tolerance that leaves no machine.
   const Study none = study_on_strut("[[vary]]\nkey = \"base.radius_mm\"\nmin = 1\nmax = 68\n" +
                                     goal("footprint_mm2", "min") + "[robust]\ntolerances = [\"base.radius_mm=2\"]\n");

@@ -1,6 +1,9 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/design/study.hpp"
 
+#include <fstream>
+
+#include "paths.hpp"
 #include "studies.hpp"
 
 namespace polypod::design {
@@ -170,6 +173,14 @@ TEST(Study, SetsAreOfTheMachineAndIdentityLeavesTheBudgetOut) {
   const auto again = study_from_text(kHead + set + kVary + kGoal, "gone.toml", a->machine_toml);
   ASSERT_TRUE(again) << to_string(again.error());
   EXPECT_EQ(again->identity(), a->identity());
+}
+
+TEST(Study, EveryFigureIsInTheDocumentation) {
+  std::ifstream page(test::source("docs/optimize.md"));
+  const std::string text{std::istreambuf_iterator<char>(page), std::istreambuf_iterator<char>()};
+  ASSERT_FALSE(text.empty());
+  for (const FigureInfo& info : figure_infos())
+    EXPECT_NE(text.find(fmt::format("`{}`", info.name)), std::string::npos) << info.name;
 }
 
 }  // namespace
