@@ -1095,6 +1095,7 @@ class Mover {
     double turn = 0;
     std::vector<Peaks3> drives(static_cast<std::size_t>(follower_.joints()));
     std::vector<double> force(drives.size(), 0);
+    double slowed = 1;
     for (std::size_t b = 0; b < law_.blocks(); ++b) {
       const bool at_once = options_.law != Law::fastest;
       // Where the limits are exceeded between nodes, finer nodes are better than a slower block.
@@ -1123,6 +1124,7 @@ class Mover {
       const int count = static_cast<int>(look.all.size()) - 1;
       out.checked += count + 1;
       if (factor > 1) law_.stretch(b, factor);
+      slowed = std::max(slowed, factor);
       // Forces have parts that do not go with the speed.
       if (options_.dynamics && !at_once) look.force = look_at(b, count, true, exceeded, out).force;
       for (std::size_t k = 0; k < force.size(); ++k) force[k] = std::max(force[k], look.force[k]);
@@ -1142,6 +1144,13 @@ class Mover {
         if (ratio >= kMet) binding[name] += duration * factor / (count + 1);
       }
       if (b % 64 == 0) POLYPOD_TRY(go_on(0.6 + 0.3 * static_cast<double>(b) / static_cast<double>(law_.blocks())));
+    }
+    constexpr double kWorthANote = 1.02;
+    if (slowed > kWorthANote) {
+      out.notes.push_back(
+          fmt::format("a part of the plan was slowed down to {:.2g} of its speed, because limits were "
+                      "exceeded between its nodes: a faster motion may exist",
+                      1 / slowed));
     }
     out.tool_speed = tool.speed;
     out.tool_acceleration = tool.acceleration;
