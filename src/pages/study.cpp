@@ -398,7 +398,7 @@ class Page {
     if (const auto figure = parallel_figure(page_)) {
       report_.add_figure(*figure,
                          "Each line is a candidate across its parameters and goals. Axes of goals point upwards "
-                         "to what is better.");
+                         "to what is better, and are logarithmic where the values differ by more than 30 times.");
     }
   }
 
@@ -649,6 +649,14 @@ class Page {
 
 }  // namespace
 
+namespace {
+/// Of a goal over more than a decade and a half a linear axis shows the largest values alone.
+bool counts_by_ratio(double least, double most) {
+  constexpr double kRatio = 30;
+  return least > 0 && most > kRatio * least;
+}
+}  // namespace
+
 Result<report::Figure> front_figure(const StudyPage& page, std::size_t across, std::size_t up) {
   const Study& study = page.study;
   if (study.goals.size() < 2) {
@@ -677,15 +685,18 @@ Result<report::Figure> front_figure(const StudyPage& page, std::size_t across, s
   if (const auto at = design::best_of(study, page.rows)) add(best, page.rows[*at]);
   if (front.x.empty()) return fail("QP110", "no row of this study has both goals", {}, "let the search go on");
   // An outlier of what was tried must not press the front into a corner.
-  const auto ends = [](const std::vector<double>& values, std::optional<double>& lo, std::optional<double>& hi) {
+  const auto ends = [](const std::vector<double>& values, report::Axis& axis) {
     const auto [least, most] = std::minmax_element(values.begin(), values.end());
     const double air = 0.25 * (*most - *least);
     if (!(air > 0)) return;
-    lo = *least < 0 ? *least - air : std::max(0.0, *least - air);
-    hi = *most + air;
+    axis.log = counts_by_ratio(*least, *most);
+    axis.min = axis.log     ? *least / std::pow(*most / *least, 0.06)
+               : *least < 0 ? *least - air
+                            : std::max(0.0, *least - air);
+    axis.max = axis.log ? *most * std::pow(*most / *least, 0.06) : *most + air;
   };
-  ends(front.x, plot.x.min, plot.x.max);
-  ends(front.y, plot.y.min, plot.y.max);
+  ends(front.x, plot.x);
+  ends(front.y, plot.y);
   plot.series = {tried, front};
   if (!start.x.empty()) plot.series.push_back(start);
   if (!best.x.empty()) plot.series.push_back(best);
@@ -747,7 +758,7 @@ Result<report::Figure> parallel_figure(const StudyPage& page) {
     }
     const bool of_goal = k < study.goals.size();
     plot.axes.push_back({of_goal ? design::info_of(study.goals[k].figure).name : "objective", lo, hi,
-                         of_goal && !study.goals[k].maximise});
+                         of_goal && !study.goals[k].maximise, counts_by_ratio(lo, hi)});
   }
   plot.groups = {std::move(others), std::move(chosen)};
   if (!winner.lines.empty()) plot.groups.push_back(std::move(winner));

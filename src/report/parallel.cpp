@@ -22,7 +22,8 @@ constexpr double kNarrow = 620;  // px: below this the axes lie across
 Scale scale_of(const ParallelPlot::Axis& axis, double low, double high) {
   double lo = axis.min, hi = axis.max;
   svg::widen(lo, hi);
-  return axis.downwards ? Scale{lo, hi, high, low} : Scale{lo, hi, low, high};
+  const bool log = axis.log && lo > 0;
+  return axis.downwards ? Scale{lo, hi, high, low, log} : Scale{lo, hi, low, high, log};
 }
 
 /// The end of an axis with as many digits as tell it from the other.
@@ -95,8 +96,8 @@ std::string ParallelPlot::operator()(const Canvas& canvas) const {
   // What the pointer reads: the axes as x0 .. x1, what is on which pixel, and their names.
   std::string axes_text, names;
   for (std::size_t i = 0; i < n; ++i) {
-    axes_text += fmt::format("{}{} {} {} {} {}", i > 0 ? ";" : "", px(place(i)), scales[i].from, scales[i].to,
-                             px(scales[i].a), px(scales[i].b));
+    axes_text += fmt::format("{}{} {} {} {} {}{}", i > 0 ? ";" : "", px(place(i)), scales[i].from, scales[i].to,
+                             px(scales[i].a), px(scales[i].b), scales[i].log ? " log" : "");
     names += (i > 0 ? "|" : "") + axes[i].label;
   }
   return picture.finish(bottom + (across ? 8 : 24),

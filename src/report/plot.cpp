@@ -40,6 +40,12 @@ struct Range {
 /// The range of an axis: its own ends where given, else the data's with some air.
 void settle(Range& range, const Axis& axis, double air) {
   if (axis.with_zero) range.add(0);
+  if (axis.log && range.lo > 0 && std::isfinite(range.hi)) {
+    const double by = std::pow(std::max(range.hi / range.lo, 1.05), air);
+    range.lo = axis.min && *axis.min > 0 ? *axis.min : range.lo / by;
+    range.hi = axis.max && *axis.max > range.lo ? *axis.max : range.hi * by;
+    return;
+  }
   svg::widen(range.lo, range.hi);
   const double pad = air * (range.hi - range.lo);
   range.lo = axis.min && std::isfinite(*axis.min) ? *axis.min : range.lo - pad;
@@ -47,11 +53,11 @@ void settle(Range& range, const Axis& axis, double air) {
   if (!(range.lo < range.hi)) svg::widen(range.lo, range.hi);
 }
 
-double label_margin(const Range& y, double pixels) {
+double label_margin(const Range& y, double pixels, bool log = false) {
   double widest = 0;
-  const std::vector<double> ticks = svg::ticks_in(y.lo, y.hi, svg::tick_count(pixels, 36));
-  const int decimals = svg::decimals_of(ticks);
-  for (const double t : ticks) widest = std::max(widest, svg::text_width(fixed(t, decimals), svg::kSmallFont));
+  const Scale scale{y.lo, y.hi, 0, pixels, log};
+  for (const std::string& label : svg::tick_labels(scale, svg::ticks_of(scale, svg::tick_count(pixels, 36))))
+    widest = std::max(widest, svg::text_width(label, svg::kSmallFont));
   return std::clamp(widest, 16.0, 90.0) + 12;
 }
 
@@ -155,6 +161,7 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
     xr.add(s.from);
     xr.add(s.to);
   }
+  const bool log_x = x.log && xr.lo > 0, log_y = y.log && yr.lo > 0;
   settle(xr, x, 0);
   settle(yr, y, 0.06);
 
@@ -168,7 +175,7 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
 
   const double plot_height =
       std::max(120.0, picture.width * (picture.width < kNarrow ? std::max(aspect, 0.55) : aspect) - 40);
-  const double left = label_margin(yr, plot_height);
+  const double left = label_margin(yr, plot_height, log_y);
   const std::string y_label = svg::with_unit(y.label, y.unit), x_label = svg::with_unit(x.label, x.unit);
   double top = picture.legend(entries, left, 2);
   if (!y_label.empty()) {
@@ -179,7 +186,7 @@ std::string LinePlot::operator()(const Canvas& canvas) const {
                            std::any_of(spans.begin(), spans.end(), [](const Span& s) { return !s.name.empty(); });
   top += spans_named ? 20 : 6;
   const double bottom = top + plot_height, right = picture.width - kRight;
-  const Scale X{xr.lo, xr.hi, left, right}, Y{yr.lo, yr.hi, bottom, top};
+  const Scale X{xr.lo, xr.hi, left, right, log_x}, Y{yr.lo, yr.hi, bottom, top, log_y};
 
   for (std::size_t i = 0; i < spans.size(); ++i) {
     const double a = std::clamp(X(std::min(spans[i].from, spans[i].to)), left, right);

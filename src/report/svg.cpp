@@ -207,11 +207,16 @@ std::string with_unit(const std::string& label, const std::string& unit) {
   return label.empty() ? unit : label + ", " + unit;
 }
 
-namespace {
-/// Numbers at ticks, all with the same decimals, or all with an exponent where they are long.
-std::vector<std::string> tick_labels(const std::vector<double>& ticks) {
+/// All with the same decimals, or all with an exponent where they are long; on a logarithmic scale each as it is short.
+std::vector<std::string> tick_labels(const Scale& scale, const std::vector<double>& ticks) {
   std::vector<std::string> labels;
   labels.reserve(ticks.size());
+  if (scale.log) {
+    for (const double t : ticks)
+      labels.push_back(t >= 1e-3 && t < 1e6 ? fixed(t, std::max(0, static_cast<int>(std::ceil(-std::log10(t) - 1e-9))))
+                                            : number(t, 1));
+    return labels;
+  }
   const int decimals = decimals_of(ticks);
   double largest = 0;
   for (const double t : ticks) largest = std::max(largest, std::abs(t));
@@ -219,7 +224,29 @@ std::vector<std::string> tick_labels(const std::vector<double>& ticks) {
   for (const double t : ticks) labels.push_back(exponent ? number(t, 3) : fixed(t, decimals));
   return labels;
 }
-}  // namespace
+
+std::vector<double> ticks_of(const Scale& scale, int count) {
+  const double lo = std::min(scale.from, scale.to), hi = std::max(scale.from, scale.to);
+  if (!scale.log) return ticks_in(lo, hi, count);
+  const int first = static_cast<int>(std::floor(std::log10(lo))), last = static_cast<int>(std::floor(std::log10(hi)));
+  std::vector<double> ticks;
+  const auto take = [&](const std::vector<double>& of_decade, int each) {
+    ticks.clear();
+    for (int k = first; k <= last; ++k) {
+      if (k % each != 0) continue;
+      for (const double m : of_decade) {
+        const double t = m * std::pow(10, k);
+        if (t >= lo * (1 - 1e-9) && t <= hi * (1 + 1e-9)) ticks.push_back(t);
+      }
+    }
+    return static_cast<int>(ticks.size()) <= std::max(2, count);
+  };
+  for (const auto& of_decade : {std::vector<double>{1, 2, 5}, {1, 3}, {1}})
+    if (take(of_decade, 1)) return ticks.size() < 2 ? ticks_in(lo, hi, count) : ticks;
+  for (int each = 2; each < 20; ++each)
+    if (take({1}, each)) return ticks;
+  return ticks;
+}
 
 std::vector<double> ticks_in(double lo, double hi, int count) {
   std::vector<double> ticks;
@@ -232,16 +259,17 @@ std::vector<double> ticks_in(double lo, double hi, int count) {
 
 std::vector<double> x_ticks(const Scale& scale) {
   constexpr double kWished = 70, kGap = 12;  // px between ticks, and between their labels
-  const double lo = std::min(scale.from, scale.to), hi = std::max(scale.from, scale.to);
   for (int count = tick_count(std::abs(scale.b - scale.a), kWished); count >= 1; --count) {
-    std::vector<double> ticks = ticks_in(lo, hi, count);
+    std::vector<double> ticks = ticks_of(scale, count);
     if (ticks.size() < 2) break;
-    double widest = 0;
-    for (const std::string& label : tick_labels(ticks)) widest = std::max(widest, text_width(label, kSmallFont));
-    if (std::abs(scale(ticks[1]) - scale(ticks[0])) > widest + kGap) return ticks;
+    double widest = 0, least = std::abs(scale(ticks[1]) - scale(ticks[0]));
+    for (std::size_t i = 2; i < ticks.size(); ++i)
+      least = std::min(least, std::abs(scale(ticks[i]) - scale(ticks[i - 1])));
+    for (const std::string& label : tick_labels(scale, ticks)) widest = std::max(widest, text_width(label, kSmallFont));
+    if (least > widest + kGap) return ticks;
   }
   // A narrow picture: the outermost two of them, which leave each other room.
-  const std::vector<double> ticks = ticks_in(lo, hi, 1);
+  const std::vector<double> ticks = ticks_of(scale, 1);
   if (ticks.size() < 2) return ticks;
   return {ticks.front(), ticks.back()};
 }
@@ -294,7 +322,7 @@ void Picture::x_axis(const Scale& scale, double top, double bottom, const std::s
     std::erase_if(ticks, [](double t) { return std::abs(t - std::round(t)) > 1e-9; });
     for (double& t : ticks) t = std::round(t);
   }
-  const std::vector<std::string> labels = tick_labels(ticks);
+  const std::vector<std::string> labels = tick_labels(scale, ticks);
   for (std::size_t i = 0; i < ticks.size(); ++i) {
     const double x = scale(ticks[i]);
     if (grid) line(x, top, x, bottom, "grid");
@@ -307,9 +335,8 @@ void Picture::x_axis(const Scale& scale, double top, double bottom, const std::s
 }
 
 void Picture::y_axis(const Scale& scale, double left, double right, bool grid, bool mark_zero) {
-  const std::vector<double> ticks = ticks_in(std::min(scale.from, scale.to), std::max(scale.from, scale.to),
-                                             tick_count(std::abs(scale.b - scale.a), 36));
-  const std::vector<std::string> labels = tick_labels(ticks);
+  const std::vector<double> ticks = ticks_of(scale, tick_count(std::abs(scale.b - scale.a), 36));
+  const std::vector<std::string> labels = tick_labels(scale, ticks);
   for (std::size_t i = 0; i < ticks.size(); ++i) {
     const double y = scale(ticks[i]);
     if (grid) line(left, y, right, y, mark_zero && ticks[i] == 0 ? "axis" : "grid");
@@ -325,11 +352,12 @@ std::string Picture::clip(const char* name, double left, double top, double box_
 
 std::string scales_of(const char* kind, const Scale& X, const Scale& Y, const std::string& x_label,
                       const std::string& y_label, const std::string& unit) {
+  const auto text = [](const Scale& s) {
+    return fmt::format("{} {} {} {}{}", s.from, s.to, px(s.a), px(s.b), s.log ? " log" : "");
+  };
   return fmt::format(
-      " data-plot=\"{}\" data-x=\"{} {} {} {}\" data-y=\"{} {} {} {}\" data-label=\"{}\" data-yname=\"{}\" "
-      "data-unit=\"{}\"",
-      kind, X.from, X.to, px(X.a), px(X.b), Y.from, Y.to, px(Y.a), px(Y.b), escape(x_label), escape(y_label),
-      escape(unit));
+      " data-plot=\"{}\" data-x=\"{}\" data-y=\"{}\" data-label=\"{}\" data-yname=\"{}\" data-unit=\"{}\"", kind,
+      text(X), text(Y), escape(x_label), escape(y_label), escape(unit));
 }
 
 std::string Picture::finish(double height, const std::string& attributes) const {

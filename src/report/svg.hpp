@@ -2,6 +2,7 @@
 // What all pictures share: an SVG under construction, scales, axes and legends.
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,11 +29,15 @@ std::string px(double x);
 /// A guess of the width of a text, px.
 double text_width(std::string_view text, double font = kFont);
 
-/// Values to pixels, linear.
+/// Values to pixels, linear or by their logarithms (values above 0).
 struct Scale {
   double from = 0, to = 1;  ///< values
   double a = 0, b = 1;      ///< pixels
-  double operator()(double v) const { return a + (v - from) / (to - from) * (b - a); }
+  bool log = false;
+  double operator()(double v) const {
+    const double share = log ? std::log(v / from) / std::log(to / from) : (v - from) / (to - from);
+    return a + share * (b - a);
+  }
 };
 
 /// A range that holds lo..hi and has a width.
@@ -96,6 +101,12 @@ std::string outline(const std::vector<Point>& corners);
 
 /// Round values in lo..hi, about `count` and at least two if any step gives two.
 std::vector<double> ticks_in(double lo, double hi, int count);
+
+/// The same for a scale: of a logarithmic one 1, 2, 5 or 1, 3 times powers of ten, or every so many of these.
+std::vector<double> ticks_of(const Scale& scale, int count);
+
+/// Numbers at the ticks of a scale.
+std::vector<std::string> tick_labels(const Scale& scale, const std::vector<double>& ticks);
 
 /// How many ticks fit.
 int tick_count(double pixels, double per_tick);

@@ -134,6 +134,29 @@ TEST(LinePlot, PointsCanBeReadOffThePicture) {
   }
 }
 
+// A factor is a distance on a logarithmic axis; its ticks are 1, 2, 5 times powers of ten, or fewer.
+TEST(LinePlot, LogarithmicAxes) {
+  LinePlot plot;
+  plot.y = {"y", "", {}, {}};
+  plot.y.log = true;
+  plot.series = {{"s", {0, 1, 2, 3, 4}, {1, 10, 100, 1000, kNaN}}};
+  const std::string svg = plot(kCanvas);
+  std::smatch match;
+  ASSERT_TRUE(std::regex_search(svg, match, std::regex("data-y=\"([^ ]*) ([^ ]*) ([^ ]*) ([^ ]*) log\"")));
+  std::smatch at;
+  // One straight line: simplified, its ends stay.
+  const std::regex ends("<path d=\"M[^ ]* ([^L\"]*)L[^ ]* ([^L\"]*)\"[^>]*data-name=\"s\"");
+  ASSERT_TRUE(std::regex_search(svg, at, ends)) << svg;
+  const double lo = std::stod(match[1]), hi = std::stod(match[2]), a = std::stod(match[3]), b = std::stod(match[4]);
+  for (const auto& [pixel, value] : {std::pair{std::stod(at[1]), 1.0}, std::pair{std::stod(at[2]), 1000.0}})
+    EXPECT_NEAR(pixel, a + (b - a) * std::log(value / lo) / std::log(hi / lo), 0.06) << value;
+  for (const char* label : {">1<", ">10<", ">100<", ">1000<"}) EXPECT_NE(svg.find(label), std::string::npos) << label;
+  EXPECT_EQ(svg.find(">-"), std::string::npos);
+  // A value that is not above 0: linear.
+  plot.series[0].y[2] = 0;
+  EXPECT_EQ(plot(kCanvas).find(" log\""), std::string::npos);
+}
+
 TEST(LinePlot, ThinningKeepsPeaksAndEnds) {
   LinePlot plot;
   Series s{"s", {}, {}};

@@ -1,3 +1,3 @@
-set(page_sha256 tyi7DZSkfT8M61pRJnR4bwhJ8KbzY2J9SbklpRLi1i0=)
+set(page_sha256 tIQ9CDavmraN8qG3LszZYP86tnVdwESAxOwx5F9F87A=)
 set(live_sha256 sUnAva2L4yM1TnmjI/+qJxIUxqMPMOSKcih6YRY0gLQ=)
 set(viewer_sha256 8YDTbRMFwG4TVoh7OO8zLJ2M36V2Eg3T7PiMM/HBaaY=)

@@ -21,17 +21,19 @@ interface Scale {
   inside(px: number): boolean;
   low: number;
   high: number;
-  span: number;
+  span(value: number): number; // over which values change as they do there
   from: number; // px
   to: number;
 }
 function scaleOf(text: string | undefined): Scale {
-  const [a = 0, b = 1, p = 0, q = 1] = (text ?? '').split(' ').map(Number);
-  const scale = (value: number): number => p + ((value - a) / (b - a)) * (q - p);
+  const words = (text ?? '').split(' ');
+  const [a = 0, b = 1, p = 0, q = 1] = words.slice(0, 4).map(Number), log = words[4] === 'log';
+  const ratio = Math.log(b / a);
+  const scale = (value: number): number => p + (log ? Math.log(value / a) / ratio : (value - a) / (b - a)) * (q - p);
   return Object.assign(scale, {
-    back: (px: number) => a + ((px - p) / (q - p)) * (b - a),
+    back: (px: number) => (log ? a * Math.exp(((px - p) / (q - p)) * ratio) : a + ((px - p) / (q - p)) * (b - a)),
     inside: (px: number) => px >= Math.min(p, q) && px <= Math.max(p, q),
-    low: Math.min(a, b), high: Math.max(a, b), span: Math.abs(b - a), from: p, to: q,
+    low: Math.min(a, b), high: Math.max(a, b), span: (value: number) => (log ? value * Math.abs(ratio) : Math.abs(b - a)), from: p, to: q,
   });
 }
 
@@ -236,7 +238,7 @@ export class Plot {
         const beside = ({ at }: { at: Pair }): number => Math.abs(at[0] - px);
         const order = (a: { at: Pair }, b: { at: Pair }): number => beside(a) - beside(b) || Math.abs(a.at[1] - y) - Math.abs(b.at[1] - y);
         const dot = on !== null && dots[k]!.includes(on) ? on : dots[k]!.filter((d) => beside(d) <= kNear).sort(order)[0];
-        if (dot) says(curve.values === null ? `about ${shown(dot.value[1], 10 * this.Y.span)}` : figure(dot.value[1], 6), dot.value[0]);
+        if (dot) says(curve.values === null ? `about ${shown(dot.value[1], 10 * this.Y.span(dot.value[1]))}` : figure(dot.value[1], 6), dot.value[0]);
         return;
       }
       if (curve.values !== null) {
@@ -251,13 +253,14 @@ export class Plot {
           const a = run[i - 1]!, b = run[i]!;
           if (a[0]! > px || px > b[0]!) continue;
           const t = b[0]! > a[0]! ? (px - a[0]!) / (b[0]! - a[0]!) : 0;
-          says(`about ${shown(this.Y.back(a[1]! + t * (b[1]! - a[1]!)), 10 * this.Y.span)}`, v); // 10: a digit less
+          const value = this.Y.back(a[1]! + t * (b[1]! - a[1]!));
+          says(`about ${shown(value, 10 * this.Y.span(value))}`, v); // 10: a digit less
           return true;
         }
         return false;
       });
     });
-    const place = (at: number): string => shown(at, this.X.span);
+    const place = (at: number): string => shown(at, this.X.span(at));
     const at = place(on !== null ? v : (told[told.length - 1]?.x ?? v));
     const rows = [`${this.title}: ${at}`, ...told.map((row) => (place(row.x) === at ? row.text : `${row.text} at ${place(row.x)}`))];
     const part = this.partAt(v);
@@ -274,7 +277,7 @@ export class Plot {
     const index = (range: Pair, value: number, count: number): number => Math.max(0, Math.min(count - 1, Math.round(((value - range[0]) / (range[1] - range[0] || 1)) * (count - 1))));
     const i = index(grid.x, this.X.back(x), grid.columns), j = index(grid.y, this.Y.back(y), grid.rows);
     const value = grid.values[j * grid.columns + i]!;
-    rows.push(`${this.title}: ${shown(along(grid.x, i, grid.columns), this.X.span)}`, `${this.svg.dataset['yname']}: ${shown(along(grid.y, j, grid.rows), this.Y.span)}`);
+    rows.push(`${this.title}: ${shown(along(grid.x, i, grid.columns), this.X.span(0))}`, `${this.svg.dataset['yname']}: ${shown(along(grid.y, j, grid.rows), this.Y.span(0))}`);
     if (!Number.isFinite(value)) return [...rows, 'no value here'];
     if (grid.what !== '' || grid.kinds === null) rows.push(`${grid.what || 'value'}: ${five(value)} ${grid.unit}`.trimEnd());
     const kind = grid.kinds === null ? undefined : grid.names[grid.kinds[j * grid.columns + i]!];
@@ -390,7 +393,7 @@ function choose(stretch: Stretch | null, plots: Plot[]): void {
       const told = document.createElement('p');
       told.className = 'stretch';
       told.setAttribute('role', 'status');
-      const ends = [stretch.from, stretch.to].map((v) => shown(v, plot.X.span)).join(' to ');
+      const ends = [stretch.from, stretch.to].map((v) => shown(v, plot.X.span(v))).join(' to ');
       told.textContent = [`${stretch.title}: ${ends}`, ...plot.over(stretch.from, stretch.to)].join('; ') + '. ';
       const clear = document.createElement('button');
       clear.type = 'button';
@@ -429,7 +432,7 @@ function drags(plot: Plot, plots: Plot[], tip: Tip): void {
     const to = within(e);
     mark?.remove();
     mark = plot.mark(Math.min(from, to), Math.max(from, to), 'stretch');
-    tip.show([`${plot.title}: ${[Math.min(from, to), Math.max(from, to)].map((v) => shown(v, plot.X.span)).join(' to ')}`], e.clientX, e.clientY);
+    tip.show([`${plot.title}: ${[Math.min(from, to), Math.max(from, to)].map((v) => shown(v, plot.X.span(v))).join(' to ')}`], e.clientX, e.clientY);
   });
   svg.addEventListener('pointerup', (e) => {
     if (dragging !== plot || from === null) {

@@ -16,6 +16,7 @@ struct ParallelPlot {
     std::string label;
     double min = 0, max = 1;
     bool downwards = false;  ///< grows from the top to the bottom
+    bool log = false;        ///< by the logarithm, where both ends are above 0
   };
   struct Group {
     std::string name;  ///< in the legend

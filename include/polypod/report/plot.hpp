@@ -41,6 +41,7 @@ struct Axis {
   bool with_zero = false;          ///< stretch a range taken from the data to hold 0
   bool counts = false;             ///< of an x axis: numbers that count things, ticks at whole ones alone
   bool downwards = false;          ///< of the y axis of a colour map: grows from the top to the bottom
+  bool log = false;                ///< of curves and points: by the logarithm, where all values are above 0
 };
 
 struct Series {
