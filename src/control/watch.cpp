@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <numbers>
 
 #include "polypod/core/csv.hpp"
 #include "polypod/core/files.hpp"
@@ -65,15 +66,23 @@ std::optional<double> number_in(const std::string& cell) {
 
 /// By how much the tool is turned from its command, about axes that the machine prescribes.
 double turn_between(const Task& task, const Mat3& command, const Mat3& is) {
-  if (!task.turns()) return 0;
-  if (task.names_axis()) return angle_between(command.col(2), is.col(2));
-  if (task.size() < 6) return 0;  // what follows is not commanded
-  return rotation_vector(command.transpose() * is).norm();
+  using machine::Coordinate;
+  const bool a = task.holds(Coordinate::a), b = task.holds(Coordinate::b), c = task.holds(Coordinate::c);
+  if (a && b && c) return rotation_vector(command.transpose() * is).norm();
+  if (a && b) return angle_between(command.col(2), is.col(2));
+  // What follows is not commanded: each angle that is by itself.
+  constexpr double kTurn = 2 * std::numbers::pi;
+  const Vec3 off = angles_abc(is) - angles_abc(command);
+  double out = 0;
+  for (int k = 0; k < 3; ++k)
+    if (std::array{a, b, c}[static_cast<std::size_t>(k)]) out = std::max(out, std::abs(std::remainder(off[k], kTurn)));
+  return out;
 }
 
 /// Why no machine has these joints: one is outside of its range, or cannot have come there since a row before.
 std::string impossible(const AnyMachine& machine, const RecordRow& row, const RecordRow* before) {
-  constexpr double kBeyond = 1e-6, kFar = 0.5, kShare = 0.1, kSoon = 0.1;  // rad or m; rad, of the range, s
+  constexpr double kBeyond = 1e-5;                           // rad or m: six decimals of a record in deg or mm
+  constexpr double kFar = 0.5, kShare = 0.1, kFastest = 50;  // rad; of the range; rad/s or m/s, above every drive
   const bool assumed = machine::limits_are_assumed(machine);
   for (int i = 0; i < static_cast<int>(row.joints.size()); ++i) {
     const bool turns = kinematics::joint_kind(machine, i) == JointKind::revolute;
@@ -84,9 +93,10 @@ std::string impossible(const AnyMachine& machine, const RecordRow& row, const Re
       return fmt::format("joint {} at {:.6g} {} is outside of its range of {:.6g} to {:.6g}", i + 1, shown(q),
                          turns ? "deg" : "mm", shown(range.min), shown(range.max));
     }
-    if (before == nullptr || !(row.time - before->time < kSoon)) continue;
+    if (before == nullptr) continue;
     const double change = std::abs(q - before->joints[i]);
-    if (change > (turns ? kFar : kShare * (range.max - range.min))) {
+    const double far = turns ? kFar : kShare * (range.max - range.min);
+    if (change > far && change > kFastest * (row.time - before->time)) {
       return fmt::format("joint {} jumps by {:.3g} {} within {:.2g} s", i + 1, shown(change), turns ? "deg" : "mm",
                          row.time - before->time);
     }
@@ -112,7 +122,7 @@ WatchPoint point_of(const AnyMachine& machine, const AnyMachine* calibrated, con
   }
   const Pose& X = found.poses.front();
   out.drives = X.p - row.command.p;
-  out.turn = turn_between(kinematics::task(machine), row.command.R, X.R);
+  if (row.oriented) out.turn = turn_between(kinematics::task(machine), row.command.R, X.R);
   if (calibrated != nullptr) {
     const kinematics::ForwardResult really = kinematics::forward(*calibrated, row.joints);
     if (really.poses.empty()) {
@@ -431,8 +441,13 @@ Result<RecordRow> RecordReader::row(const std::string& text) {
     coordinates.push_back(task_.is_angle(i) ? from_deg(value) : from_mm(value));
   }
   out.command = kinematics::pose_of(task_, coordinates);
-  // What no pose prescribes stands in the record as it follows; the place of the tip is what is compared.
+  // What no pose prescribes stands in the record as it follows; the place of the tip is what is compared, and so are
+  // the angles that the machine is commanded.
   for (int k = 0; k < 3; ++k) out.command.p[k] = from_mm(values[2 + static_cast<std::size_t>(k)]);
+  out.oriented = task_.turns();
+  for (int i = 0; i < task_.size(); ++i)
+    if (task_.is_angle(i) && column_[2 + static_cast<std::size_t>(task_[i])] < 0) out.oriented = false;
+  if (out.oriented) out.command.R = rotation_abc(from_deg(values[5]), from_deg(values[6]), from_deg(values[7]));
   out.joints.resize(static_cast<Eigen::Index>(turns_.size()));
   for (std::size_t i = 0; i < turns_.size(); ++i) {
     const double value = values[kCoordinates + i];

@@ -918,6 +918,23 @@ class Mover {
     const double least = 1e-12 * path_.stretches[stretch].size;
     places.erase(std::unique(places.begin(), places.end(), [&](double a, double b) { return b - a < least; }),
                  places.end());
+    // What changes fast there changes by powers of the distance from there: no step is much longer than the next.
+    constexpr double kRatio = 2.1;
+    for (bool split = true; split;) {
+      split = false;
+      std::vector<double> graded{places.front()};
+      for (std::size_t i = 1; i < places.size(); ++i) {
+        const double length = places[i] - places[i - 1];
+        const double before = i > 1 ? places[i - 1] - places[i - 2] : length,
+                     behind = i + 1 < places.size() ? places[i + 1] - places[i] : length;
+        if (length > kRatio * std::min(before, behind)) {
+          graded.push_back(0.5 * (places[i - 1] + places[i]));
+          split = true;
+        }
+        graded.push_back(places[i]);
+      }
+      places = std::move(graded);
+    }
   }
 
   /// The S profile, where no law is much faster.

@@ -870,6 +870,40 @@ TEST(Move, ANearlySingularWristIsPassedInItsPosture) {
   }
 }
 
+// Past a nearly singular wrist joint 4 turns by half a turn, which takes its time, but hardly more the nearer it is;
+// and a limit less takes no more time. Bounds: half a turn at the speed limit, and plans of twice as many nodes (within
+// 3 %).
+TEST(Move, TheLeastTimePastANearlySingularWrist) {
+  const AnyMachine m = load("kuka-kr210");
+  const auto path_at = [](double aside) {
+    const Vec3 p(1.7, aside, 1.676);
+    const double half = std::numbers::pi;
+    return *pose_path_of({*straight({p, Vec3(0, half / 3, half)}, {p, Vec3(0, 2 * half / 3, half)})});
+  };
+  double farther = 0;
+  for (const double aside : {1e-3, 1e-5, 1e-6}) {
+    MoveOptions options;
+    options.law = Law::fastest;
+    options.condition = 0;
+    options.limits.drive_speed = JointVector::Constant(6, 12);
+    options.limits.drive_acceleration = JointVector::Constant(6, 250);
+    const auto free = move(m, path_at(aside), options);
+    options.limits.drive_jerk = JointVector::Constant(6, 2e4);
+    const auto smooth = move(m, path_at(aside), options);
+    ASSERT_TRUE(free && smooth);
+    ASSERT_TRUE(free->ok() && smooth->ok());
+    EXPECT_GT(free->drives[3].high - free->drives[3].low, 3.1) << aside;
+    EXPECT_GT(free->time, std::numbers::pi / 12) << aside;
+    EXPECT_LT(free->time, 1.01 * smooth->time) << aside;
+    EXPECT_LT(smooth->time, 1.3 * free->time) << aside;
+    EXPECT_LT(free->time, farther > 0 ? 1.1 * farther : 10) << aside;
+    farther = free->time;
+    EXPECT_TRUE(std::none_of(free->notes.begin(), free->notes.end(), [](const std::string& note) {
+      return note.find("slowed down") != std::string::npos;
+    })) << aside;
+  }
+}
+
 // The planar machine is singular at C = 29.72 deg, less than a step behind where a stretch begins.
 TEST(Move, ASingularPoseInTheFirstStepOfAStretchIsFound) {
   const AnyMachine m = load("planar-3rrr");

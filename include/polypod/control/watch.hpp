@@ -17,10 +17,11 @@ using machine::JointVector;
 
 /// A row of a record: command and joints of the same instant.
 struct RecordRow {
-  double time = 0;     ///< s
-  int line = 0;        ///< of the program; 0: none is known
-  Pose command;        ///< X_MT as the record has it: x_mm .. c_deg
-  JointVector joints;  ///< rad or m
+  double time = 0;       ///< s
+  int line = 0;          ///< of the program; 0: none is known
+  Pose command;          ///< X_MT as the record has it: x_mm .. c_deg
+  bool oriented = true;  ///< it has the angles that the machine is commanded
+  JointVector joints;    ///< rad or m
 };
 
 /// Reads rows of a record one by one, as they come: `time_s,line,x_mm,y_mm,z_mm,a_deg,b_deg,c_deg,q1,...` in any order;
