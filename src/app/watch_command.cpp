@@ -589,12 +589,13 @@ Result<int> followed(const Context& context, const Options& o) {
     POLYPOD_ASSIGN(row, reader->row(*line));
     const control::LiveWatch::Seen seen = live.see(row);
     if (seen.begins) {
-      const std::string size = seen.point.known ? um(seen.point.deviation().norm()) + " um" : "the joints are no pose";
+      const std::string what = seen.point.known ? fmt::format("deviation {} um (limit {:g} um)",
+                                                              um(seen.point.deviation().norm()), o.warn_um)
+                                                : seen.why;
       const double turn = to_deg(seen.point.turn);
       const std::string turn_too =
           turn > o.warn_deg ? fmt::format(", turned by {:.3g} deg (limit {:g} deg)", turn, o.warn_deg) : "";
-      fmt::print(log, "warning: line {} after {:.3f} s: deviation {} (limit {:g} um){}\n", row.line, row.time, size,
-                 o.warn_um, turn_too);
+      fmt::print(log, "warning: line {} after {:.3f} s: {}{}\n", row.line, row.time, what, turn_too);
       std::fflush(log);
       warnings.push_back({{"line", row.line},
                           {"from_s", row.time},

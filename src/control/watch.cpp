@@ -16,7 +16,7 @@
 #include "polypod/core/golden_section.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
-#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/forward_near.hpp"
 #include "polypod/machine/assumed.hpp"
 
 namespace polypod::control {
@@ -81,7 +81,7 @@ double turn_between(const Task& task, const Mat3& command, const Mat3& is) {
 
 /// Why no machine has these joints: one is outside of its range, or cannot have come there since a row before.
 std::string impossible(const AnyMachine& machine, const RecordRow& row, const RecordRow* before) {
-  constexpr double kBeyond = 1e-5;                           // rad or m: six decimals of a record in deg or mm
+  constexpr double kBeyond = 1e-4;                           // rad or m: drives overshoot the ends of their ranges
   constexpr double kFar = 0.5, kShare = 0.1, kFastest = 50;  // rad; of the range; rad/s or m/s, above every drive
   const bool assumed = machine::limits_are_assumed(machine);
   for (int i = 0; i < static_cast<int>(row.joints.size()); ++i) {
@@ -90,7 +90,7 @@ std::string impossible(const AnyMachine& machine, const RecordRow& row, const Re
     const machine::JointRange range = kinematics::joint_range(machine, i);
     const double q = row.joints[i];
     if (!assumed && !(q >= range.min - kBeyond && q <= range.max + kBeyond)) {
-      return fmt::format("joint {} at {:.6g} {} is outside of its range of {:.6g} to {:.6g}", i + 1, shown(q),
+      return fmt::format("joint {} at {:.9g} {} is outside of its range of {:.6g} to {:.6g}", i + 1, shown(q),
                          turns ? "deg" : "mm", shown(range.min), shown(range.max));
     }
     if (before == nullptr) continue;
@@ -115,7 +115,7 @@ WatchPoint point_of(const AnyMachine& machine, const AnyMachine* calibrated, con
     if (why != nullptr) *why = std::move(reason);
     return out;
   }
-  const kinematics::ForwardResult found = kinematics::forward(machine, row.joints);
+  const kinematics::ForwardResult found = kinematics::forward_near(machine, row.joints, row.command);
   if (found.poses.empty()) {
     if (why != nullptr) *why = found.reason;
     return out;
@@ -124,7 +124,7 @@ WatchPoint point_of(const AnyMachine& machine, const AnyMachine* calibrated, con
   out.drives = X.p - row.command.p;
   if (row.oriented) out.turn = turn_between(kinematics::task(machine), row.command.R, X.R);
   if (calibrated != nullptr) {
-    const kinematics::ForwardResult really = kinematics::forward(*calibrated, row.joints);
+    const kinematics::ForwardResult really = kinematics::forward_near(*calibrated, row.joints, X);
     if (really.poses.empty()) {
       if (why != nullptr) *why = "of the calibrated machine: " + really.reason;
       return out;
@@ -612,7 +612,7 @@ Result<Watch> watch(const AnyMachine& machine, const std::vector<RecordRow>& row
 
 LiveWatch::Seen LiveWatch::see(const RecordRow& row) {
   Seen out;
-  out.point = point_of(machine_, calibrated_, row, before_ ? &*before_ : nullptr, nullptr);
+  out.point = point_of(machine_, calibrated_, row, before_ ? &*before_ : nullptr, &out.why);
   if (out.point.known) before_ = row;
   ++rows_;
   if (!out.point.known) ++no_pose_;

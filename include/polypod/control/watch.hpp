@@ -184,6 +184,7 @@ class LiveWatch {
     WatchPoint point;
     bool begins = false, ends = false;  ///< a stretch beyond the limit; a row whose joints are no pose counts as beyond
     double largest = 0;                 ///< m, of the stretch
+    std::string why;                    ///< why the joints are no pose, where they are none
   };
   Seen see(const RecordRow& row);
   [[nodiscard]] std::size_t rows() const { return rows_; }
