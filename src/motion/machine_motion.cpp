@@ -427,12 +427,12 @@ class Judge {
   bool jumped_ = false;
 };
 
-/// The same solution with one or more joints a turn on or back, as their ranges allow.
-std::vector<JointVector> other_turns(const AnyMachine& machine, const JointVector& q) {
+/// The same solution with one or more of these joints a turn on or back, as their ranges allow.
+std::vector<JointVector> other_turns(const AnyMachine& machine, const JointVector& q, const std::set<int>& joints) {
   constexpr double kTurn = 2 * std::numbers::pi;
   constexpr std::size_t kMost = 32;
   std::vector<JointVector> out{q};
-  for (int i = 0; i < q.size(); ++i) {
+  for (const int i : joints) {
     if (kinematics::joint_kind(machine, i) != machine::JointKind::revolute) continue;
     const machine::JointRange range = kinematics::joint_range(machine, i);
     if (!std::isfinite(range.min) || !std::isfinite(range.max)) continue;  // it turns on as it likes
@@ -466,19 +466,11 @@ class StartChooser {
     if (known == 0) return {};
     std::size_t chosen = best(0, known);
     if (options_.start && *options_.start < known) chosen = *options_.start;
-    // Where it does not pass, joints that can turn more than once may begin in another turn.
+    // Where none passes, joints that leave their range may begin in another turn of it.
     const std::size_t from = options_.start ? chosen : 0, to = options_.start ? chosen + 1 : known;
     for (std::size_t k = from; k < to && !out_.starts[chosen].completes; ++k) {
-      for (const JointVector& q : other_turns(follower_.machine(), first.solutions[k].joints)) {
-        add(q, fmt::format("{}, {}", out_.starts[k].branch, turned_in_words(first.solutions[k].joints, q)));
-        if (follower_.cancelled()) return {};
-        if (out_.starts.back().completes) {
-          chosen = out_.starts.size() - 1;
-          break;
-        }
-        out_.starts.pop_back();
-        joints_.pop_back();
-      }
+      if (turn(k, first.solutions[k].joints)) chosen = out_.starts.size() - 1;
+      if (follower_.cancelled()) return {};
     }
     out_.starts[chosen].chosen = true;
     out_.branch = out_.starts[chosen].branch;
@@ -486,6 +478,26 @@ class StartChooser {
   }
 
  private:
+  /// Whether the path passes from the start k with joints in other turns, which is then the last of the starts: those
+  /// that leave their range, and those that do when these are turned.
+  bool turn(std::size_t k, const JointVector& q) {
+    std::set<int> joints = beyond_[k];
+    for (std::size_t before = 0; joints.size() > before;) {
+      before = joints.size();
+      std::set<int> more;
+      for (const JointVector& turned : other_turns(follower_.machine(), q, joints)) {
+        add(turned, fmt::format("{}, {}", out_.starts[k].branch, turned_in_words(q, turned)));
+        if (follower_.cancelled()) return false;
+        if (out_.starts.back().completes) return true;
+        more.merge(beyond_.back());
+        out_.starts.pop_back();
+        joints_.pop_back();
+        beyond_.pop_back();
+      }
+      joints.merge(more);
+    }
+    return false;
+  }
   void add(const JointVector& q, std::string branch) {
     MoveStart start;
     start.branch = std::move(branch);
@@ -499,6 +511,13 @@ class StartChooser {
     for (const Node& node : track) start.condition = std::max(start.condition, node.state.condition);
     out_.starts.push_back(std::move(start));
     joints_.push_back(q);
+    std::set<int> beyond;  // where the track ends
+    for (int i = 0; i < q.size() && track.back().state.reached; ++i) {
+      const machine::JointRange range = kinematics::joint_range(follower_.machine(), i);
+      const double there = track.back().state.q[i];
+      if (there < range.min || there > range.max) beyond.insert(i);
+    }
+    beyond_.push_back(std::move(beyond));
   }
   [[nodiscard]] std::size_t best(std::size_t from, std::size_t to) const {
     std::size_t out = from;
@@ -525,7 +544,8 @@ class StartChooser {
   const PosePath& path_;
   const MoveOptions& options_;
   MoveResult& out_;
-  std::vector<JointVector> joints_;
+  std::vector<JointVector> joints_;    ///< of each start
+  std::vector<std::set<int>> beyond_;  ///< joints that leave their range
 };
 
 /// Largest absolute values.
