@@ -864,6 +864,8 @@ Command study_command() {
             if (!listed.empty()) {
               fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());
               print_table(study, rows, listed);
+            } else if (which.empty() && !rows.empty()) {
+              fmt::print("\nno row is what --where and --state ask for\n");
             }
             print_sensitivities(study, sensitivities);
             if (global.design.groups > 0) print_global(study, global);

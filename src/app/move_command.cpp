@@ -633,13 +633,20 @@ void print_move(const motion::MoveResult& r, const Asked& asked, const pages::Mo
                column(&motion::MoveDrive::acceleration, d.turns, 0)(shown(d, d.acceleration)),
                column(&motion::MoveDrive::jerk, d.turns, 0)(shown(d, d.jerk)), unit_of(d));
   }
+  constexpr std::size_t kMostCorners = 5;
+  std::size_t corners = 0;
   for (const motion::MoveViolation& v : r.violations) {
+    if (v.kind == "corner" && ++corners > kMostCorners) continue;
     const std::string line = v.line > 0 ? fmt::format(" (line {})", v.line) : "";
     if (std::isfinite(v.t)) {
       fmt::print("problem  after {:.3f} s at {} mm{}: {}\n", v.t, coordinates(v.p), line, v.detail);
     } else {
       fmt::print("problem  at {} mm{}: {}\n", coordinates(v.p), line, v.detail);
     }
+  }
+  if (corners > kMostCorners) {
+    fmt::print("problem  {} more corners in which the tool would have to stop (all are in --json)\n",
+               corners - kMostCorners);
   }
   for (std::size_t i = 0; i < r.drives.size(); ++i) {
     const motion::MoveDrive& d = r.drives[i];
