@@ -146,7 +146,8 @@ Result<std::string> kept_from(const std::string& file, const std::string& text, 
 Command export_linuxcnc_command() {
   auto o = std::make_shared<Options>();
   return {
-      "export linuxcnc", "A LinuxCNC configuration for a machine, with a kinematics module of its own",
+      "export linuxcnc",
+      "A LinuxCNC configuration for a machine, with a kinematics module of its own (for Klipper: controller)",
       "polypod export linuxcnc hexapod-strut -o hexapod",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);

@@ -445,7 +445,9 @@ void print_cut(const Judgement& j) {
 
 void print_answer(const Options& o, const Subject& subject, const Judgement& j) {
   const Watch& w = j.watch;
-  fmt::print("record      {} rows over {:.3f} s, {} lines of the program\n", j.rows, j.seconds, w.lines.size());
+  const auto lines =
+      std::count_if(w.lines.begin(), w.lines.end(), [](const control::WatchLine& l) { return l.line > 0; });
+  fmt::print("record      {} rows over {:.3f} s, {} lines of the program\n", j.rows, j.seconds, lines);
   fmt::print("deviation   {}: largest {} um at line {} after {:.3f} s, rms {} um\n", j.by, um(w.largest),
              w.largest_line, w.largest_time, um(w.rms));
   print_parts(o, subject, j);
