@@ -251,7 +251,7 @@ Result<Asked> path_of(const machining::Job& job, const Options& o, const Context
     POLYPOD_ASSIGN(spline, motion::splined(out.path));
     const motion::ChordError off = motion::farthest_from_chords(spline);
     out.path = std::move(spline);
-    constexpr double kNone = 1e-12;  // rad
+    constexpr double kNone = 1e-9;  // rad, m: rounding
     const std::string turned = off.angle > kNone ? fmt::format(", and its angles linear courses by up to {} deg",
                                                                figure(units::to_deg(off.angle), 3))
                                                  : "";

@@ -207,10 +207,7 @@ std::string motion_page(const machine::AnyMachine& machine, const Run& run, cons
         fmt::format("After {} s at {}, {}, {} mm: {}.", report::fixed(p.t, 3), report::fixed(to_mm(p.X.x()), 2),
                     report::fixed(to_mm(p.X.y()), 2), report::fixed(to_mm(p.X.z()), 2), p.detail));
   }
-  page.add_text(
-      "This answers for the limits in the table below along this path: not for the forces and torques of the drives, "
-      "not for vibration, deflection and the load that is carried, and not for collisions with workpiece and "
-      "surroundings.");
+  page.add_text("This answers for the limits in the table below along this path, and for what is named as judged.");
   page.add_key_figures({{figure(to_mm(run.length), 1), "mm", "path length of the tool", report::Verdict::neutral},
                         {report::fixed(run.time, 4), "s", "time", report::Verdict::neutral}});
   report::Scene scene;
@@ -567,9 +564,7 @@ std::string move_page(const machine::AnyMachine& machine, const motion::PosePath
     page.add_text(
         fmt::format("{} further limits are broken; the table below has them all.", run.violations.size() - kShown));
   }
-  page.add_text(
-      "This answers for the limits in the table below along this path: not for vibration, deflection and the load that "
-      "is carried, and not for collisions with workpiece and surroundings.");
+  page.add_text("This answers for the limits in the table below along this path, and for what is named as judged.");
   std::vector<report::KeyFigure> figures{
       {figure(to_mm(run.length), 1), "mm", "path length of the tool", report::Verdict::neutral}};
   if (std::isfinite(run.time)) figures.push_back({report::fixed(run.time, 4), "s", "time", report::Verdict::neutral});
