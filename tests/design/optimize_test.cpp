@@ -290,9 +290,10 @@ double hypervolume(std::vector<std::array<double, 2>> points, double x1, double 
   return area;
 }
 
-TEST(Optimize, FrontOfTwoGoalsBesideAScanInClosedForm) {
+/// The share of the hypervolume of a scan in closed form, 7 171 points, that a front of 600 evaluations has.
+double share_of_scan(const std::string& search) {
   const Folder folder;
-  const Study s = study_on_strut(R"(evaluations = 600
+  const Study s = study_on_strut("search = \"" + search + "\"\n" + R"(evaluations = 600
 [[vary]]
 key = "base.radius_mm"
 min = 10
@@ -310,7 +311,7 @@ sense = "min"
 )");
   const Outcome o = run(s, folder / "a").outcome;
   EXPECT_FALSE(o.best);
-  ASSERT_GT(o.front.size(), 20U);
+  EXPECT_GT(o.front.size(), 20U);
   std::vector<std::array<double, 2>> found, scan;
   for (const std::size_t i : o.front) {
     const auto& f = o.rows[i].evaluation.figures;
@@ -322,12 +323,21 @@ sense = "min"
                    (g[0].value < f[0].value || g[1].value < f[1].value));
     }
   }
-  for (int i = 0; i <= 250; ++i) {
-    for (int k = 0; k <= 175; ++k) scan.push_back(size_of_strut(10 + 0.2 * i, 5 + 0.2 * k));
+  for (int i = 0; i <= 100; ++i) {
+    for (int k = 0; k <= 70; ++k) {
+      const AnyMachine m = *s.machine_at({10 + 0.5 * i, 5 + 0.5 * k});
+      if (kinematics::inverse(m, *kinematics::home_pose(m)).reachable() == nullptr) continue;  // it cannot stand
+      scan.push_back(size_of_strut(10 + 0.5 * i, 5 + 0.5 * k));
+    }
   }
   const double corner_x = 13000, corner_y = 71;
-  constexpr double kShare = 0.97;  // 600 points against 44 000
-  EXPECT_GT(hypervolume(found, corner_x, corner_y), kShare * hypervolume(scan, corner_x, corner_y));
+  return hypervolume(found, corner_x, corner_y) / hypervolume(scan, corner_x, corner_y);
+}
+
+// Models go by ratios: more of their points are at small footprints, where the area under the front is small.
+TEST(Optimize, FrontOfTwoGoalsBesideAScanInClosedForm) {
+  EXPECT_GT(share_of_scan("evolution"), 0.97);
+  EXPECT_GT(share_of_scan("models"), 0.96);
 }
 
 TEST(Optimize, NothingThatKeepsTheHoldsIsNoBest) {
