@@ -24,6 +24,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machine/assumed.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/recorded.hpp"
 #include "polypod/pages/watch.hpp"
@@ -126,7 +127,7 @@ std::string share(double of_one) {
   return unsigned_zero(fmt::format("{:.1f}", 100 * of_one));
 }
 
-void judge(const Options& o, Judgement& j) {
+void judge(const Options& o, const machine::AnyMachine& machine, Judgement& j) {
   const Watch& w = j.watch;
   j.judged = o.warn_um > 0 || j.cut.has_value();
   if (w.no_pose > 0) {
@@ -159,6 +160,10 @@ void judge(const Options& o, Judgement& j) {
       j.no.emplace_back("no row could be judged");
     }
     yes.push_back(fmt::format("the deviation ({}) stays within {:g} um", j.by, o.warn_um));
+    if (kinematics::task(machine).turns() && !j.record.empty() && !j.record.front().oriented)
+      j.not_judged.emplace_back("orientation of the tool: the record has no angles");
+    if (machine::limits_are_assumed(machine))
+      j.not_judged.push_back(fmt::format("ranges of the joints: {}", machine::kAssumedLimits));
     if (to_deg(w.turn_largest) > o.warn_deg) {
       j.no.push_back(
           fmt::format("the tool is turned from its command by up to {:.3g} deg, at line {} after {:.3f} s "
@@ -274,7 +279,7 @@ Result<Judgement> judgement_of(const Context& context, const Options& o, const S
                               : "by the joints";
   if (o.measured.empty() && j.cut)
     j.by += subject.calibrated ? ", with the modelled deflection" : " and the modelled deflection";
-  judge(o, j);
+  judge(o, subject.machine, j);
   return j;
 }
 
@@ -579,6 +584,7 @@ Result<int> followed(const Context& context, const Options& o) {
                           units::from_um(o.warn_um), units::from_deg(o.warn_deg));
   std::FILE* log = context.json ? stderr : stdout;
   Json warnings = Json::array();
+  bool oriented = true;
   for (;;) {
     POLYPOD_ASSIGN(line, file->next());
     if (!line) break;
@@ -589,6 +595,7 @@ Result<int> followed(const Context& context, const Options& o) {
     }
     if (line->empty()) continue;
     POLYPOD_ASSIGN(row, reader->row(*line));
+    oriented = oriented && row.oriented;
     const control::LiveWatch::Seen seen = live.see(row);
     if (seen.begins) {
       const std::string what = seen.point.known ? fmt::format("deviation {} um (limit {:g} um)",
@@ -610,13 +617,16 @@ Result<int> followed(const Context& context, const Options& o) {
     }
   }
   const bool ok = live.stretches() == 0 && live.rows() > 0;
+  const std::string not_judged = !oriented && kinematics::task(subject.machine).turns()
+                                     ? "; not judged: orientation of the tool, for which the record has no angles"
+                                     : "";
   const std::string turned = to_deg(live.turn_largest()) > o.warn_deg
                                  ? fmt::format(", turned by {:.3g} deg", to_deg(live.turn_largest()))
                                  : "";
   const std::string answer =
       live.rows() == 0 ? std::string("no: no row came")
-      : ok ? fmt::format("yes: in {} rows the deviation by the joints stays within {:g} um; largest {} um", live.rows(),
-                         o.warn_um, um(live.largest()))
+      : ok ? fmt::format("yes: in {} rows the deviation by the joints stays within {:g} um; largest {} um{}",
+                         live.rows(), o.warn_um, um(live.largest()), not_judged)
            : fmt::format(
                  "no: in {} rows the deviation by the joints grows beyond {:g} um (or {:g} deg) {} times; largest {} "
                  "um{}{}",

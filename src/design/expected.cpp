@@ -15,9 +15,6 @@ namespace {
 double density(double z) {
   return std::exp(-0.5 * z * z) / std::sqrt(2 * std::numbers::pi);
 }
-double below(double z) {
-  return 0.5 * std::erfc(-z / std::numbers::sqrt2);
-}
 
 /// The logarithm of the expected improvement (Mockus 1975, Jones 1998) times the chance that all holds are kept;
 /// without a candidate that keeps them, of that chance alone.
@@ -29,7 +26,7 @@ Eigen::VectorXd expected_gain(const Models& models, double best, const std::vect
     const Kriging::Guess& guess = wanted.front();
     for (Eigen::Index i = 0; i < out.size(); ++i) {
       const double s = std::max(guess.deviation[i], 1e-12 * (1 + std::abs(best))), z = (guess.mean[i] - best) / s;
-      out[i] = std::log(std::max(s * (z * below(z) + density(z)), kLeast));
+      out[i] = std::log(std::max(s * (z * normal_below(z) + density(z)), kLeast));
     }
   }
   return models.times_chance(at, std::move(out));

@@ -11,10 +11,6 @@ namespace {
 // A model is no better for more points than this, and each step costs their cube.
 constexpr std::size_t kMostPoints = 260;
 
-double below(double z) {
-  return 0.5 * std::erfc(-z / std::numbers::sqrt2);
-}
-
 struct Points {
   std::vector<Shares> u;
   std::vector<double> value;
@@ -89,6 +85,10 @@ void snap(const Study& study, std::vector<Shares>& places) {
 }
 
 }  // namespace
+
+double normal_below(double z) {
+  return 0.5 * std::erfc(-z / std::numbers::sqrt2);
+}
 
 std::vector<double> middle_goals(const Study& study, const Evaluation& e) {
   std::vector<double> out = goals_of(study, e, false), hopeful = goals_of(study, e, true);
@@ -215,7 +215,7 @@ Eigen::VectorXd Models::times_chance(const std::vector<Shares>& at, Eigen::Vecto
     if (!known_[h]) continue;
     const Kriging::Guess guess = kept_[h].at(points);
     for (Eigen::Index i = 0; i < out.size(); ++i)
-      out[i] += std::log(std::max(below(guess.mean[i] / std::max(guess.deviation[i], 1e-9)), kLeast));
+      out[i] += std::log(std::max(normal_below(guess.mean[i] / std::max(guess.deviation[i], 1e-9)), kLeast));
   }
   return out;
 }

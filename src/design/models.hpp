@@ -36,6 +36,9 @@ class Models {
   bool wanted_known_ = false;
 };
 
+/// The chance that a standard normal number is below z.
+double normal_below(double z);
+
 /// The goals of an evaluation between their bounds, so that more is better; -infinity where one is not known.
 std::vector<double> middle_goals(const Study& study, const Evaluation& e);
 
