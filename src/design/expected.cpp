@@ -32,12 +32,19 @@ Eigen::VectorXd expected_gain(const Models& models, double best, const std::vect
   return models.times_chance(at, std::move(out));
 }
 
-double best_objective(const Ledger& ledger) {
+/// Of the candidates that keep all holds, as the models have them without noise: a lucky one is not taken for better
+/// than those about it.
+double best_objective(const Ledger& ledger, const Models& models) {
+  std::vector<Shares> at;
   double out = -std::numeric_limits<double>::infinity();
-  for (const Row& row : ledger.rows())
-    if (ledger.is_candidate(row) && row.evaluation.state == State::done)
-      out = std::max(out, row.evaluation.objective.value);
-  return out;
+  for (const Row& row : ledger.rows()) {
+    if (!ledger.is_candidate(row) || row.evaluation.state != State::done) continue;
+    at.push_back(ledger.shares_of(row));
+    out = std::max(out, row.evaluation.objective.value);
+  }
+  if (at.empty()) return out;
+  const std::vector<Kriging::Guess> wanted = models.wanted(at);
+  return wanted.empty() ? out : wanted.front().mean.maxCoeff();
 }
 
 double distance(const Shares& a, const Shares& b) {
@@ -82,7 +89,7 @@ Status expect(Ledger& ledger, std::int64_t end, Member& best) {
       if (again) fitted = static_cast<double>(ledger.rows().size());
       models.learn(ledger, batch, again);
       // The last of a batch lies elsewhere: on another hill, if there is one.
-      const double away = batch.size() + 1 == kBatch ? kElsewhere : 0, known = best_objective(ledger);
+      const double away = batch.size() + 1 == kBatch ? kElsewhere : 0, known = best_objective(ledger, models);
       const Worth worth = [&](const std::vector<Shares>& at) {
         Eigen::VectorXd out = expected_gain(models, known, at);
         for (std::size_t i = 0; away > 0 && i < at.size(); ++i)

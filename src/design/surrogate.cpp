@@ -11,15 +11,16 @@
 namespace polypod::design {
 namespace {
 
-constexpr double kShortest = 0.03, kLongest = 30;
-constexpr double kNugget = 1e-7;  // of the variance: figures are means over samples, and no smooth functions
-
-double length_at(double share) {
-  return kShortest * std::pow(kLongest / kShortest, share);
-}
-double share_of(double length) {
-  return std::clamp(std::log(length / kShortest) / std::log(kLongest / kShortest), 0.0, 1.0);
-}
+/// A number between two bounds by the share of their logarithms, and back.
+struct Between {
+  double least, most;
+  [[nodiscard]] double at(double share) const { return least * std::pow(most / least, share); }
+  [[nodiscard]] double share_of(double is) const {
+    return std::clamp(std::log(is / least) / std::log(most / least), 0.0, 1.0);
+  }
+};
+constexpr Between kLengths{0.03, 30};
+constexpr Between kNoise{1e-7, 0.1};
 
 Eigen::MatrixXd correlations(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b, const Eigen::VectorXd& lengths) {
   const Eigen::RowVectorXd scale = lengths.cwiseInverse().transpose();
@@ -34,10 +35,10 @@ Eigen::MatrixXd correlations(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b,
 
 }  // namespace
 
-double Kriging::set(const Eigen::VectorXd& lengths) {
+double Kriging::set(const Shape& shape) {
   const auto n = static_cast<double>(values_.size());
-  Eigen::MatrixXd R = correlations(points_, points_, lengths);
-  R.diagonal().setConstant(1 + kNugget);
+  Eigen::MatrixXd R = correlations(points_, points_, shape.lengths);
+  R.diagonal().setConstant(1 + shape.noise);
   correlations_.compute(R);
   if (correlations_.info() != Eigen::Success) return -std::numeric_limits<double>::infinity();
   ones_ = correlations_.solve(Eigen::VectorXd::Ones(values_.size()));
@@ -45,53 +46,74 @@ double Kriging::set(const Eigen::VectorXd& lengths) {
   const Eigen::VectorXd away = values_.array() - mean_;
   weights_ = correlations_.solve(away);
   variance_ = std::max(away.dot(weights_) / n, std::numeric_limits<double>::min());
-  lengths_ = lengths;
+  shape_ = shape;
   const double log_det = 2 * correlations_.matrixLLT().diagonal().array().log().sum();
-  // Lengths of about a range are usual.
-  constexpr double kUsual = 1, kSpread = 1.5;
-  const double unusual = ((lengths.array() / kUsual).log() / kSpread).square().sum();
+  // Lengths of about a range are usual, and little noise.
+  constexpr double kUsual = 1, kSpread = 1.5, kNoiseSpread = 4;
+  const double unusual = ((shape.lengths.array() / kUsual).log() / kSpread).square().sum() +
+                         std::pow(std::log(shape.noise / kNoise.least) / kNoiseSpread, 2);
   return -0.5 * (n * std::log(variance_) + log_det + unusual);
+}
+
+void Kriging::reinterpolate() {
+  noise_variance_ = shape_.noise * variance_;
+  Eigen::MatrixXd R = correlations(points_, points_, shape_.lengths);
+  variance_ = std::max(weights_.dot(R * weights_) / static_cast<double>(values_.size()),
+                       std::numeric_limits<double>::min());       // R w are the smoothed values less their mean
+  for (const double extra : {1e-10, 1e-9, 1e-8, shape_.noise}) {  // keeps R positive definite; the last has done so
+    R.diagonal().setConstant(1 + extra);
+    correlations_.compute(R);
+    if (correlations_.info() == Eigen::Success) break;
+  }
+  ones_ = correlations_.solve(Eigen::VectorXd::Ones(values_.size()));
 }
 
 void Kriging::fit(const Eigen::MatrixXd& points, const Eigen::VectorXd& values, bool again) {
   points_ = points;
   values_ = values;
-  if (lengths_.size() != points.cols()) {
-    lengths_ = Eigen::VectorXd::Ones(points.cols());
+  if (shape_.lengths.size() != points.cols()) {
+    shape_ = {Eigen::VectorXd::Ones(points.cols()), kNoise.least};
     again = true;
   }
-  Eigen::VectorXd best = lengths_;
-  double most = set(lengths_);
+  Shape best = shape_;
+  double most = set(best);
   if (again) {
-    constexpr int kCalls = 60;
+    constexpr int kCalls = 70;
     constexpr double kStep = 0.1, kNone = -1e300;
     std::vector<double> from;
-    for (const double l : best) from.push_back(share_of(l));
+    for (const double l : best.lengths) from.push_back(kLengths.share_of(l));
+    from.push_back(kNoise.share_of(best.noise));
     subplex(
         from, kStep, kCalls,
         [&](const std::vector<double>& shares) {
-          Eigen::VectorXd lengths(points.cols());
-          for (Eigen::Index k = 0; k < lengths.size(); ++k) lengths[k] = length_at(shares[static_cast<std::size_t>(k)]);
-          const double is = set(lengths);
+          Shape shape{Eigen::VectorXd(points.cols()), kNoise.at(shares.back())};
+          for (Eigen::Index k = 0; k < shape.lengths.size(); ++k)
+            shape.lengths[k] = kLengths.at(shares[static_cast<std::size_t>(k)]);
+          const double is = set(shape);
           if (is > most) {
             most = is;
-            best = lengths;
+            best = shape;
           }
           return std::isfinite(is) ? is : kNone;
         },
         [] { return false; });
   }
   set(best);
+  reinterpolate();
+}
+
+double Kriging::noise() const {
+  return std::sqrt(noise_variance_);
 }
 
 Kriging::Guess Kriging::at(const Eigen::MatrixXd& points) const {
-  const Eigen::MatrixXd r = correlations(points_, points, lengths_);
+  const Eigen::MatrixXd r = correlations(points_, points, shape_.lengths);
   Guess out;
   out.mean = (r.transpose() * weights_).array() + mean_;
   const Eigen::MatrixXd half = correlations_.matrixL().solve(r);
   const Eigen::ArrayXd told = half.colwise().squaredNorm().transpose().array();
   const Eigen::ArrayXd of_mean = (1 - (r.transpose() * ones_).array()).square() / ones_.sum();
-  out.deviation = (variance_ * (1 + kNugget - told + of_mean).max(0)).sqrt().matrix();
+  out.deviation = (variance_ * (1 - told + of_mean).max(0)).sqrt().matrix();
   return out;
 }
 

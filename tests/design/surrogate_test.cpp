@@ -33,7 +33,7 @@ TEST(Kriging, GoesThroughWhatIsKnown) {
   Kriging model;
   model.fit(points, values, true);
   const Kriging::Guess guess = model.at(points);
-  EXPECT_LT((guess.mean - values).cwiseAbs().maxCoeff(), 1e-4);
+  EXPECT_LT((guess.mean - values).cwiseAbs().maxCoeff(), 1e-3);  // the values spread by 0.4
   EXPECT_LT(guess.deviation.maxCoeff(), 2e-3);
 }
 
@@ -59,7 +59,8 @@ TEST(Kriging, FindsWhatDoesNotMatter) {
   EXPECT_GT(model.lengths()[1], 5 * model.lengths()[0]);
 }
 
-/// Of two points the mean is their mean and the weights follow by hand: R = [[1, r], [r, 1]] (but for the nugget).
+/// Of two points the mean is their mean and the weights follow by hand: R = [[1, r], [r, 1]], and g by the
+/// deviation of the noise s: s^2 = g / (1 + g - r).
 TEST(Kriging, OfTwoPointsByHand) {
   Eigen::MatrixXd points(2, 1);
   points << 0.2, 0.8;
@@ -74,11 +75,37 @@ TEST(Kriging, OfTwoPointsByHand) {
     const double x = std::sqrt(5.0) * apart / l;
     return (1 + x + x * x / 3) * std::exp(-x);
   };
-  const double r = R(0.6), k = R(0.3), nugget = 1e-7;
-  const double variance = 1 / (1 + nugget - r);  // (y - 2)^T R^-1 (y - 2) / 2
-  const double told = 2 * k * k / (1 + nugget + r),
-               of_mean = std::pow(1 - 2 * k / (1 + nugget + r), 2) * (1 + nugget + r) / 2;
-  EXPECT_NEAR(guess.deviation[0], std::sqrt(variance * (1 + nugget - told + of_mean)), 1e-4 * guess.deviation[0]);
+  const double r = R(0.6), k = R(0.3), s2 = model.noise() * model.noise(), g = s2 * (1 - r) / (1 - s2);
+  const double variance = (1 - r) / std::pow(1 + g - r, 2);  // w^T R w / 2, w = (R + g I)^-1 (y - 2)
+  const double told = 2 * k * k / (1 + r), of_mean = std::pow(1 - 2 * k / (1 + r), 2) * (1 + r) / 2;
+  EXPECT_NEAR(guess.deviation[0], std::sqrt(variance * (1 - told + of_mean)), 1e-4 * guess.deviation[0]);
+}
+
+/// Noise on the values is found and smoothed away: the mean is nearer to the function than the values are, and where
+/// values are known nothing more is expected.
+TEST(Kriging, FindsTheNoiseAndSmoothsIt) {
+  constexpr double kNoise = 0.02;
+  const Eigen::MatrixXd points = random_points(120, 3, 7), others = random_points(500, 3, 8);
+  Eigen::VectorXd values = values_of(points);
+  Random random(9);
+  for (double& y : values) y += kNoise * random.normal();
+  Kriging model;
+  model.fit(points, values, true);
+  EXPECT_GT(model.noise(), 0.7 * kNoise);
+  EXPECT_LT(model.noise(), 1.4 * kNoise);
+  const Kriging::Guess known = model.at(points), elsewhere = model.at(others);
+  EXPECT_LT((known.mean - values_of(points)).norm(), 0.6 * (values - values_of(points)).norm());
+  EXPECT_LT(known.deviation.maxCoeff(), 1e-3) << elsewhere.deviation.minCoeff();
+  EXPECT_LT((elsewhere.mean - values_of(others)).norm() / std::sqrt(500), 0.75 * kNoise);
+  EXPECT_GT(elsewhere.deviation.minCoeff(), 0);
+}
+
+/// Of smooth values there is none.
+TEST(Kriging, FindsNoNoiseWhereThereIsNone) {
+  const Eigen::MatrixXd points = random_points(60, 3, 10);
+  Kriging model;
+  model.fit(points, values_of(points), true);
+  EXPECT_LT(model.noise(), 2e-3);  // the values spread by 0.4
 }
 
 TEST(Kriging, TakesValuesThatAreAllAlike) {
