@@ -40,7 +40,8 @@ void print_meanings(const std::vector<gcode::Explanation::Meaning>& list) {
 
 /// Whether a canonical call moves the tool.
 bool moves(const std::string& call) {
-  return call.find("STRAIGHT_") != std::string::npos || call.find("ARC_FEED") != std::string::npos;
+  return call.find("STRAIGHT_") != std::string::npos || call.find("ARC_FEED") != std::string::npos ||
+         call.find("NURBS") != std::string::npos;
 }
 
 int print_explanation(const gcode::Explanation& e, bool json) {

@@ -13,8 +13,10 @@
 #include "commands.hpp"
 #include "messages.hpp"
 #include "polypod/core/files.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machine/assumed.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/compliance_mark.hpp"
 #include "polypod/machining/job.hpp"
@@ -106,12 +108,29 @@ std::optional<Header> header_of(const post::Path& path) {
   return {};
 }
 
+/// Whether a header that holds `written` was written for this machine: a comment of a program keeps no brackets of its
+/// own, and of a long line the beginning.
+bool is_name(std::string_view written, const std::string& machine) {
+  constexpr std::string_view kCut = " ...";
+  const auto plain = [](std::string_view text) {
+    std::string out = one_line(text);
+    for (char& c : out) {
+      const std::size_t at = std::string_view("%();").find(c);
+      if (at != std::string_view::npos) c = "_[],"[at];
+    }
+    return out;
+  };
+  const std::string was = plain(written), is = plain(machine);
+  if (was.ends_with(kCut)) return is.starts_with(was.substr(0, was.size() - kCut.size()));
+  return was == is;
+}
+
 /// A corrected program is right for one machine at one place.
 Status corrected_here(const std::optional<Header>& header, const post::Path& path, const machining::Job& job) {
   if (!header || !header->corrected) return {};
   const std::string machine = machine::name_of(job.machine), origin = machining::place_in_words(job.X_MW);
   const Place place{path.file, header->line, 1};
-  if (header->machine != machine) {
+  if (!is_name(header->machine, machine)) {
     return fail("PO125",
                 fmt::format("the program was corrected for the machine {}, not for {}", header->machine, machine),
                 place, "post it for that machine, or correct the program of the CAM system for this one");
@@ -133,7 +152,7 @@ Status corrected_here(const std::optional<Header>& header, const post::Path& pat
 Result<std::string> compliant_as_corrected(const std::optional<Header>& header, const post::Path& path,
                                            machining::Job job) {
   const auto mark = header ? machining::ComplianceMark::from(header->compliance) : std::nullopt;
-  if (!mark || header->machine != machine::name_of(job.machine) ||
+  if (!mark || !is_name(header->machine, machine::name_of(job.machine)) ||
       header->origin != machining::place_in_words(job.X_MW))
     return std::string();  // looked at for another place, or before headers said it
   const std::string was = header->corrected ? "corrected" : "found within its tube";
@@ -171,7 +190,7 @@ Result<bool> take_hold(const std::optional<Header>& header, const post::Path& pa
                        const post::Configuration& configuration, const Options& o, const Context& context,
                        post::PlanOptions& p) {
   if (!header || (header->posture.empty() && !header->c)) return false;
-  if (header->machine != machine::name_of(job.machine) || header->origin != machining::place_in_words(job.X_MW))
+  if (!is_name(header->machine, machine::name_of(job.machine)) || header->origin != machining::place_in_words(job.X_MW))
     return false;  // looked at for another place
   const std::string was = header->corrected ? "the program was corrected" : "the program was found within its tube";
   const auto refused = [&](std::string message, std::string hint) {
@@ -296,38 +315,53 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
   return p;
 }
 
-/// The lines of the rapids that end at a place that is not known whole: nothing of them can be judged.
+/// The lines of the rapids that end at a place that is not known whole: nothing of them can be judged; and that of a
+/// first cut, of which nothing says where it starts.
 std::set<int> not_judged(const post::Path& path) {
   std::set<int> out;
-  for (const post::Step& s : path.steps)
-    if (s.moves() && !s.placed()) out.insert(s.line);
+  bool first = true;
+  for (const post::Step& s : path.steps) {
+    if (!s.moves()) continue;
+    if (!s.placed() || (first && s.kind != post::StepKind::rapid)) out.insert(s.line);
+    first = first && !s.placed();
+  }
   return out;
 }
 
 /// The answer where the plan has no problems, with what could not be judged or is left out.
-std::string yes(const post::Path& path) {
+std::string yes(const post::Path& path, const machine::AnyMachine& machine) {
   const std::set<int> unknown = not_judged(path);
+  const bool assumed = machine::limits_are_assumed(machine);
   std::string out = fmt::format("yes{}: every move is within reach and limits",
-                                unknown.empty() ? "" : ", apart from what was not judged");
+                                unknown.empty() && !assumed ? "" : ", apart from what was not judged");
+  if (assumed) out += fmt::format("; not judged: limits of the joints, {}", machine::kAssumedLimits);
   if (!unknown.empty())
-    out += fmt::format("; not judged: the {} {}, see the notes",
-                       unknown.size() == 1 ? "rapid of line" : "rapids of lines", fmt::join(unknown, ", "));
+    out += fmt::format("; not judged: the {} {}, see the notes", unknown.size() == 1 ? "way of line" : "ways of lines",
+                       fmt::join(unknown, ", "));
   for (const post::LeftOut& l : path.left_out)
     out += fmt::format("; not written: the retract of line {}, see the notes", l.line);
   return out;
 }
 
 std::vector<std::string> own_notes(const Options& o, const Context& context, const post::Path& path,
-                                   const post::Plan& plan, double rotation, bool ngc) {
+                                   const post::Plan& plan, double rotation, bool ngc, bool speeds) {
   std::vector<std::string> out;
   std::set<int> tools;
   bool turned = false, modes = false, lengths = false;
   std::optional<double> c;
-  std::set<int> long_ways;  // lines that turn the tool about its axis by more than half a turn
+  if (!plan.moves.empty() && plan.moves.front().kind != post::StepKind::rapid) {
+    out.push_back(
+        fmt::format("line {}: nothing says where this first cut starts (FROM, or RAPID before it): its end is judged, "
+                    "and not the way to it",
+                    path.steps[static_cast<std::size_t>(plan.moves.front().step)].line));
+  }
+  if (plan.speed_joint == 0 && !speeds)
+    out.emplace_back("the speeds of the joints are not judged: neither --joint-speeds nor the job gives any");
+  std::set<int> long_ways;  // lines that turn the tool about its axis by half a turn or more
   for (const post::Step& s : path.steps) {
     if (s.moves() && s.tool != 0) tools.insert(s.tool);
     if (s.moves() && s.angles) {
-      constexpr double kHalfTurn = std::numbers::pi + 1e-9;
+      constexpr double kHalfTurn = std::numbers::pi - 1e-6;
       if (c && std::abs(s.angles->z() - *c) > kHalfTurn) long_ways.insert(s.line);
       c = s.angles->z();
     }
@@ -349,8 +383,8 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
   }
   if (!ngc && !long_ways.empty()) {
     out.push_back(fmt::format(
-        "{} C by more than half a turn; this language says where a move ends and the controller takes the shorter way "
-        "there",
+        "{} C by half a turn or more; this language says where a move ends and the controller takes the shorter way "
+        "there, of half a turn either: put points between",
         long_ways.size() == 1
             ? fmt::format("line {} turns", *long_ways.begin())
             : fmt::format("{} lines, the first of them {}, turn", long_ways.size(), *long_ways.begin())));
@@ -461,7 +495,7 @@ void print_answer(const Options& o, const Answer& answer) {
     fmt::print("  and {} more (--json lists all)\n", plan.problems.size() - kShownProblems);
   for (const std::string& note : answer.notes) fmt::print("note: {}\n", note);
   if (plan.ok()) {
-    fmt::print("{}\n", yes(answer.path));
+    fmt::print("{}\n", yes(answer.path, answer.configuration.unlocked));
   } else if (answer.writes) {
     fmt::print("no: the machine cannot take every move\n");
   } else {
@@ -592,7 +626,7 @@ Command post_command() {
           notes.push_back(fmt::format("the program is judged in the posture {}, that of its header", plan_with.branch));
         }
         if (!not_known.empty()) notes.push_back(not_known);
-        const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc);
+        const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc, !plan_with.joint_speeds.empty());
         notes.insert(notes.end(), own.begin(), own.end());
         const Answer answer{configuration, path, plan, written, writes, std::move(notes)};
         if (context.json)

@@ -128,8 +128,10 @@ Result<std::vector<Tool>> read_tools(const std::string& path) {
 }
 
 Result<std::map<int, double>> read_parameters(const std::string& path) {
+  constexpr int kFirst = 1, kLast = 5602;  // of LinuxCNC 2.9
   std::map<int, double> parameters;
   if (path.empty()) return parameters;
+  int before = 0;
   POLYPOD_ASSIGN(text, files::read(path));
   POLYPOD_TRY(each_line(text, ";#", [&](int number, std::string_view line) -> Status {
     const auto words = split(line);
@@ -140,7 +142,17 @@ Result<std::map<int, double>> read_parameters(const std::string& path) {
       return fail("GC152", fmt::format("'{}' is no parameter", line), Place{path, number, 1},
                   "a parameter is a line like 5221 10.0");
     }
-    const int i = index >= 0 && index < 1e6 ? static_cast<int>(index) : 0;
+    const int i = index >= kFirst && index < kLast ? static_cast<int>(index) : 0;
+    if (i == 0) {
+      return fail("GC152", fmt::format("{} is no number of a parameter", words[0].first),
+                  Place{path, number, words[0].second}, fmt::format("parameters are {} to {}", kFirst, kLast - 1));
+    }
+    if (i <= before) {
+      return fail("GC152",
+                  fmt::format("parameter {} follows {}: LinuxCNC refuses a file that does not ascend", i, before),
+                  Place{path, number, words[0].second}, "sort the lines by their numbers, each number once");
+    }
+    before = i;
     if (i == 5220 && (value < 1 || value > 9 || value != std::floor(value))) {
       return fail("GC152", fmt::format("{} is no coordinate system; 5220 is an integer from 1 to 9", value),
                   Place{path, number, words[1].second}, "1 is G54, 6 is G59");

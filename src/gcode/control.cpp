@@ -192,6 +192,7 @@ Status Engine::call(const std::string& label, const std::vector<double>& argumen
   if (!head || head->second != "sub") {
     return error(column, "GC163", fmt::format("{} is a program with a number; M98 calls it", shown(label)), "use M98");
   }
+  if (!passed_.contains(place)) called_ahead_.insert(place);
   Frame next;
   next.source = place.first;
   next.at = next.begin = place.second + 1;
@@ -344,6 +345,12 @@ Status Engine::control(const Line& line, const Block& block) {
   if (word == "call") return call(label, line.arguments, block, column);
   if (word == "sub") {
     if (frames_.size() > 1) return bad("a subprogram within a subprogram", "define it outside");
+    const std::pair place{f.source, here};
+    if (called_ahead_.contains(place)) {
+      return bad(fmt::format("{} was called before the program came to it, which LinuxCNC refuses here", shown(label)),
+                 "define it before its first call, or behind M2");
+    }
+    passed_.insert(place);
     return [&]() -> Status {
       const auto& blocks = source().program->blocks;
       for (std::size_t i = f.at; i < blocks.size(); ++i) {

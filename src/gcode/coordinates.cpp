@@ -306,7 +306,7 @@ Status Engine::go_home(int g) {
   Axes machine;
   for (std::size_t k = 0; k < 6; ++k) {
     const double stored = parameter((g == 280 ? 5161 : 5181) + static_cast<int>(k));
-    machine[k] = (k < 3 ? lengths(stored) : stored) - length_offset_[k];
+    machine[k] = k < 3 ? lengths(stored) - length_offset_[k] : stored;  // LinuxCNC takes no rotary offset off
   }
   const Axes home = from_machine(machine);
   Axes end = current_;

@@ -34,11 +34,8 @@ Engine::Engine(const Program& program, EngineOptions options) : options_(std::mo
   known_.fill(options_.machine_known);
   known_[3] = known_[4] = known_[5] = true;
   select(active_);
-  if (rotation_ == 0) {
-    for (std::size_t k = 0; k < 6; ++k) current_[k] = canon_[k] = 0 - origin_[k] - g92_[k];
-  } else {
-    current_ = canon_ = from_machine({});
-  }
+  // The start of rs274: the machine's zero, which it does not turn with the coordinates.
+  for (std::size_t k = 0; k < 6; ++k) current_[k] = canon_[k] = 0 - origin_[k] - g92_[k];
   auto source = std::make_unique<Source>();
   source->program = &program;
   sources_.push_back(std::move(source));

@@ -12,6 +12,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -372,6 +373,8 @@ class Engine final : private Parameters {
 
   // Control.
   std::vector<std::unique_ptr<Source>> sources_;
+  /// Where subprograms stand, by source and line, that the program has come to, and those that it called before.
+  std::set<std::pair<std::size_t, std::size_t>> passed_, called_ahead_;
   std::vector<Frame> frames_;
   std::vector<double> parameters_;
   std::vector<bool> told_;

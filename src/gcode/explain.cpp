@@ -165,6 +165,19 @@ std::string shown(double value) {
   return number(value, 4);
 }
 
+/// "(MSG, ...)" and the like are no remarks.
+std::string_view meaning_of_comment(std::string_view comment) {
+  const std::size_t begin = comment.find_first_not_of("(; \t"), comma = comment.find(',');
+  if (begin == std::string_view::npos || comma == std::string_view::npos || comma < begin) return "a comment";
+  std::string head;
+  for (const char c : comment.substr(begin, comma - begin))
+    if (c != ' ' && c != '\t') head += upper(c);
+  if (head == "MSG") return "a message for the operator";
+  if (head == "DEBUG" || head == "PRINT") return "a message, with the values of its parameters";
+  if (head == "LOG") return "a line of the log file, with the values of its parameters";
+  return "a comment";
+}
+
 }  // namespace
 
 /// What a letter means beside the codes of its line, and else in the motion that is in force.
@@ -184,6 +197,7 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
   for (const Word& w : words) {
     if (w.letter == 'M') claimed += arguments_of_m(static_cast<int>(w.value));
   }
+  const bool cubic = has('G', {50}) || motion_ == 50, spline = cubic || has('G', {51}) || motion_ == 51;
   const bool taken = claimed.find(word.letter) != std::string::npos;
   const bool in_cycle = is_cycle(motion_) && !taken, arc = (motion_ == 20 || motion_ == 30) && !taken;
   switch (word.letter) {
@@ -219,6 +233,8 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
     case 'I':
     case 'J':
     case 'K':
+      if (spline && word.letter != 'K')
+        return fmt::format("{} control point: {} {} from the start", cubic ? "first" : "the", value, unit);
       if (!arc) break;
       return fmt::format("centre of the arc: {} {} {}", value, unit, arc_absolute_ ? "absolute" : "from its start");
     case 'R':
@@ -236,15 +252,25 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
       if (has('G', {100})) return fmt::format("number {}", value);
       if (arc) return fmt::format("{} turns", value);
       if (has('M', {980})) return fmt::format("subprogram {}", value);
+      if (has('M', {660})) return fmt::format("digital input {}", value);
+      if (cubic) return fmt::format("second control point: {} {} from the end, in X", value, unit);
+      if (motion_ == 52) return fmt::format("weight of the control point {}", value);
       break;
     case 'Q':
       if (has('G', {640})) return fmt::format("lines that stay within {} {} are merged into one", value, unit);
       if (in_cycle) return fmt::format("depth of a peck: {} {}", value, unit);
+      if (has('M', {660})) return fmt::format("at most {} s", value);
+      if (cubic) return fmt::format("second control point: {} {} from the end, in Y", value, unit);
       break;
     case 'L':
       if (has('G', {100})) return fmt::format("kind of setting {}", value);
       if (in_cycle) return fmt::format("{} holes", value);
       if (has('M', {980})) return fmt::format("{} times", value);
+      if (has('M', {660})) return fmt::format("way of waiting {}", value);
+      if (motion_ == 52) return fmt::format("order of the curve {}", value);
+      break;
+    case 'E':
+      if (has('M', {660})) return fmt::format("analogue input {}", value);
       break;
     case 'D':
       if (has('G', {411, 421})) return fmt::format("diameter {} {}", value, unit);
@@ -361,7 +387,8 @@ Result<Explanation> Engine::explain(int line) {
         code ? code_name(word.letter, static_cast<int>(std::lround(word.value * 10))) : word.letter + shown(word.value);
     out.words.push_back({name, meaning_of(word, words)});
   }
-  for (const std::string_view comment : comments(block)) out.words.push_back({std::string(comment), "a comment"});
+  for (const std::string_view comment : comments(block))
+    out.words.push_back({std::string(comment), std::string(meaning_of_comment(comment))});
   if (!ends_) out.in_force = in_force();  // the end of a program sets all modes anew
   for (std::size_t i = before; i < out_.size();) {
     const std::size_t end = std::min(out_.find('\n', i), out_.size());

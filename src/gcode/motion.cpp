@@ -95,7 +95,9 @@ Status Engine::motion() {
     }
     Axes machine = to_machine(current_);
     for (std::size_t k = 0; k < 6; ++k) {
-      if (const Word* word = find(kAxisLetters[k]); word != nullptr) machine[k] = word->value - length_offset_[k];
+      // LinuxCNC takes no rotary offset off.
+      if (const Word* word = find(kAxisLetters[k]); word != nullptr)
+        machine[k] = word->value - (k < 3 ? length_offset_[k] : 0);
     }
     const Axes place = from_machine(machine);
     end = current_;

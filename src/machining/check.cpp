@@ -143,6 +143,20 @@ class Demands {
   Worst speed_, acceleration_, between_;  // of this move
 };
 
+/// What the machine breaks where it goes on in its posture, the limits by name; empty where no solution is near.
+std::string limits_of_posture(const machine::AnyMachine& machine, const kinematics::InverseResult& inverse,
+                              const machine::JointVector& last) {
+  const auto change = [&](const kinematics::Solution& s) { return (s.joints - last).cwiseAbs().maxCoeff(); };
+  const auto near = std::min_element(
+      inverse.solutions.begin(), inverse.solutions.end(),
+      [&](const kinematics::Solution& a, const kinematics::Solution& b) { return change(a) < change(b); });
+  if (near == inverse.solutions.end() || near->violations == 0 || change(*near) > kJump) return {};
+  std::string out;
+  for (const std::string& name : kinematics::limit_names(machine, near->violations))
+    out += (out.empty() ? "" : ", ") + name;
+  return out;
+}
+
 }  // namespace
 
 std::vector<std::string> starting_branches(const machine::AnyMachine& machine, const Pose& X_MW,
@@ -253,7 +267,10 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         const auto closely = kinematics::followed(machine, last, way, kJump);
         jumps = !closely.has_value();
         if (closely) joints = *closely;
-        if (jumps) {
+        if (const std::string broken = jumps ? limits_of_posture(machine, inverse, last) : ""; !broken.empty()) {
+          problem(limit, "limit",
+                  fmt::format("{}: in the posture that it has the machine cannot go on, {}", where(), broken));
+        } else if (jumps) {
           problem(
               branch, "branch",
               fmt::format("{}: a joint would jump by {}", where(), kinematics::largest_change(machine, joints - last)));
@@ -307,6 +324,8 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   }
   if ((speeds || hard) && out.fastest_line == 0 && out.hardest_line == 0 && !out.joints.empty())
     out.notes.push_back(fmt::format("no cut was there in which the {} of the joints could be judged", what));
+  if (!speeds && !interpretation.moves.empty())
+    out.notes.emplace_back("the speeds of the joints are not judged: no job gives joint_speeds");
   constexpr double kUpright = units::from_deg(0.1);
   if (lean > kUpright) {
     out.notes.push_back(fmt::format(

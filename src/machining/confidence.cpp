@@ -47,9 +47,15 @@ struct Point {
   double error = 0, vertical = 0, tube = 0;
   Eigen::VectorXd lever, lever_up;
   bool corner = false;  ///< stands for the farthest point of a block that ends at a corner, its side guessed
+  double across = 0;    ///< of such a point what of its distance lies across the path, about
 
   /// What the tube leaves across the path.
-  [[nodiscard]] double room() const { return std::sqrt(std::max(0.0, tube * tube - vertical * vertical)); }
+  [[nodiscard]] double room() const {
+    const double along_tool = corner ? std::max(0.0, error * error - across * across) : vertical * vertical;
+    return std::sqrt(std::max(0.0, tube * tube - along_tool));
+  }
+  /// What is left of the tube; negative: outside.
+  [[nodiscard]] double left() const { return corner ? tube - std::abs(error) : room() - std::abs(error); }
 };
 
 /// The points of a wall that stand for all of it: some at equal distances, and the farthest both ways.
@@ -255,6 +261,7 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
     Point point = *std::max_element(points.begin(), points.end(), [](const Point& a, const Point& b) {
       return std::abs(a.error) < std::abs(b.error);
     });
+    point.across = point.error;
     point.error = std::copysign(correction.after.commanded_distance[c], point.error);
     point.vertical = 0;  // in the distance
     point.tube = tube_beside(corners.deviation[c]);
@@ -299,9 +306,8 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
   for (const Wall& wall : walls) {
     WallConfidence w;
     w.line = wall.move->line;
-    const Point& nearest = *std::min_element(
-        wall.points.begin(), wall.points.end(),
-        [](const Point& a, const Point& b) { return a.room() - std::abs(a.error) < b.room() - std::abs(b.error); });
+    const Point& nearest = *std::min_element(wall.points.begin(), wall.points.end(),
+                                             [](const Point& a, const Point& b) { return a.left() < b.left(); });
     w.room = nearest.room();
     w.by_input.assign(names.size(), 0.0);
     w.low = w.high = wall.points.front().error;

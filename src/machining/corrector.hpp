@@ -169,6 +169,8 @@ class Corrector {
   /// front elbow-up, tool held at C 0 deg" or what of it the machine has; nothing where a measured compliance
   /// takes their place.
   [[nodiscard]] std::string hold_in_words() const;
+  /// C of all cuts, that of the job or of the program, rad; none where a program turns C.
+  [[nodiscard]] std::optional<double> held_c() const;
 
   /// The block of the original that a block of the written program stands for.
   [[nodiscard]] int source_block(int written) const;

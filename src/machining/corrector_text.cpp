@@ -189,12 +189,26 @@ std::string Corrector::hold_in_words() const {
     const gcode::Move& first = moves_[static_cast<std::size_t>(out_.before.moves.front().move)];
     if (const std::string name = posture_at_start(job_, first); !name.empty()) out = "posture " + name;
   }
-  if (kinematics::task(job_.machine).holds(machine::Coordinate::c) && !job_.tool_frame.turns) {
-    constexpr int kDecimals = 4;
-    out += fmt::format("{}tool held at C {} deg", out.empty() ? "" : ", ",
-                       gcode::number(units::to_deg(job_.tool_frame.axes.z()), kDecimals));
+  if (kinematics::task(job_.machine).holds(machine::Coordinate::c)) {
+    if (const auto c = held_c()) {
+      constexpr int kDecimals = 4;
+      out +=
+          fmt::format("{}tool held at C {} deg", out.empty() ? "" : ", ", gcode::number(units::to_deg(*c), kDecimals));
+    }
   }
   return out;
+}
+
+std::optional<double> Corrector::held_c() const {
+  if (!job_.tool_frame.turns) return job_.tool_frame.axes.z();
+  std::optional<double> c;
+  for (std::size_t i = 0; i < moves_.size(); ++i) {
+    const gcode::Move& move = moves_[i];
+    if (move.kind == gcode::MoveKind::rapid) continue;
+    if (!c) c = move.axes_start.z();
+    if (move.axes_start.z() != *c || move.axes_end.z() != *c) return {};
+  }
+  return c;
 }
 
 int Corrector::source_block(int written) const {

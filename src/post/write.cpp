@@ -169,15 +169,19 @@ class NgcWriter {
     if (motion != motion_) block = " " + motion + block;
     motion_ = motion;
     if (m.kind != StepKind::rapid) {
-      const bool turn = m.length < kNoWay;
-      const double feed = options_.inverse_time ? std::min(m.seconds > 0 ? 60 / m.seconds : kMostInverse, kMostInverse)
-                          : turn                ? units::to_deg(options_.turn_speed) * 60
-                                                : units::to_mm_per_min(step.feed);
+      // Nothing says how far the first cut goes: it has its own feed, and no time.
+      const bool first = &m == plan_.moves.data(), turn = m.length < kNoWay && !first;
+      if (first && options_.inverse_time) block = " G94" + block;
+      const double feed = options_.inverse_time && !first
+                              ? std::min(m.seconds > 0 ? 60 / m.seconds : kMostInverse, kMostInverse)
+                          : turn ? units::to_deg(options_.turn_speed) * 60
+                                 : units::to_mm_per_min(step.feed);
       const std::string f = number(feed, kFeedDecimals);
       if (options_.inverse_time || f != feed_) block += " F" + (f == "0" ? std::string("0.0001") : f);
       feed_ = f;
     }
     line(block.substr(1));
+    if (&m == plan_.moves.data() && options_.inverse_time && m.kind != StepKind::rapid) line("G93");
     ++out_.moves;
   }
 

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <numbers>
+#include <set>
+#include <sstream>
 
 #include "polypod/core/units.hpp"
 #include "polypod/families/serial/kinematics.hpp"
@@ -22,14 +25,33 @@ constexpr double kSmallestZone = 1e-7;  // m, of RAPID: the last of its four dec
 constexpr double kBlendOfWay = 0.45;    // of the shorter way beside a corner, in URScript: two blends must not meet
 constexpr double kZero = 1e-6;  // rad, a joint this near to 0 or a quarter turn is there: rounding of the inverse
 
-/// Letters, digits and `_`, a letter first.
+/// What one of the languages keeps for itself (KRL, RAPID, URScript), in lower case.
+bool is_reserved(std::string name) {
+  static const std::set<std::string> kWords = [] {
+    std::istringstream words(
+        "alias and anin anout axis backward bool brake break case cast_from cast_to char circ circ_rel confirm connect "
+        "const continue decl def defdat default deffct delay digin distance div do e3axis e3pos e6axis e6pos elif else "
+        "elseif end enddat endfct endfor endfunc endif endloop endmodule endproc endrecord endswitch endtest endtrap "
+        "endwhile enum error exit ext extfct extp false for frame from func global goto halt if import in inout int "
+        "interrupt is join kill lin lin_rel local loop maximum minimum mod module none nostepin not noview num off on "
+        "or pass perl pers pos proc ptp ptp_rel public raise readonly real record repeat resume retry return run sec "
+        "signal spline step stepin string struc struct switch swrite sysmodule test then thread to trap trigger true "
+        "trynext undo until var viewonly wait when while with xor b_and b_exor b_not b_or");
+    return std::set<std::string>(std::istream_iterator<std::string>(words), {});
+  }();
+  for (char& c : name) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return kWords.count(name) > 0;
+}
+
+/// Letters, digits and `_`, a letter first; no word of a language.
 std::string identifier(const std::string& name, std::size_t longest) {
   std::string out;
   for (const char c : name) {
     const bool good = (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
     out += good ? c : '_';
   }
-  if (out.empty() || !((out[0] >= 'A' && out[0] <= 'Z') || (out[0] >= 'a' && out[0] <= 'z'))) out = "P_" + out;
+  if (out.empty() || !((out[0] >= 'A' && out[0] <= 'Z') || (out[0] >= 'a' && out[0] <= 'z')) || is_reserved(out))
+    out = "P_" + out;
   if (out.size() > longest) out.resize(longest);
   return out;
 }

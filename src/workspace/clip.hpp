@@ -112,8 +112,13 @@ class Polyhedron {
     }
     if (!(n.norm() > 0)) return;
     const Vec3 v = n.cross(u).normalized() * u.norm();
-    const auto angle = [&](const Vec3& p) { return std::atan2(v.dot(p - middle), u.dot(p - middle)); };
-    std::sort(rim_.begin(), rim_.end(), [&](const Vec3& a, const Vec3& b) { return angle(a) < angle(b); });
+    // Grows as atan2(y, x) does, from -2 to 2.
+    const auto turn = [&](const Vec3& p) {
+      const double x = u.dot(p - middle), y = v.dot(p - middle), size = std::abs(x) + std::abs(y);
+      if (size == 0) return 0.0;
+      return x >= 0 ? y / size : y >= 0 ? 2 - y / size : -2 - y / size;
+    };
+    std::sort(rim_.begin(), rim_.end(), [&](const Vec3& a, const Vec3& b) { return turn(a) < turn(b); });
     // Turn it like the other faces: seen from outside, against the clock. The middle of the body is inside.
     Vec3 inside = Vec3::Zero();
     for (const Vec3& p : vertices_) inside += p / static_cast<double>(vertices_.size());

@@ -262,6 +262,15 @@ TEST(Canon, RefusesMissingTablesAndTools) {
   expect(with_parameters(parameters), "GC152", parameters, 2, 1);
   const std::string system = file("c.var", "5220 12\n");
   expect(with_parameters(system), "GC152", system, 1, 6);
+  // As rs274 has them.
+  const std::string falling = file("d.var", "5241 1.5\n5221 2\n"), twice = file("e.var", "5241 1.5\n5241 2\n");
+  expect(with_parameters(falling), "GC152", falling, 2, 1);
+  expect(with_parameters(twice), "GC152", twice, 2, 1);
+  for (const char* number : {"0", "5602", "9999"}) {
+    const std::string beyond = file("f.var", std::string(number) + " 1\n");
+    expect(with_parameters(beyond), "GC152", beyond, 1, 1);
+  }
+  EXPECT_EQ(canonical_text(program, with_parameters(file("g.var", "1 1\n5601 2\n"))).error().id, "GC151");
   expect(with_table(scratch / "none.tbl"), "FI100", scratch / "none.tbl", 0, 0);
   EXPECT_TRUE(canonical_text(program, with_table(file("c.tbl", "T9 P2 Z+1.5\n"))).has_value());
 }

@@ -170,5 +170,22 @@ TEST(Explain, NumbersBelongToTheCodesOfTheirLine) {
   EXPECT_EQ(meaning(explained(10, text).words, "R90"), "a value of the codes beside it");
 }
 
+TEST(Explain, SplinesMoveTheToolAndMessagesAreNoRemarks) {
+  constexpr std::string_view text =
+      "G21 G90 F100\nG0 X0 Y0 Z0\nG5 I0 J3 P0 Q-3 X1 Y1\nG5.1 X2 Y2 I1 J0\n(MSG, hello)\n( debug, #1)\n(a remark, or "
+      "two)\nM66 P2 L3 Q5\nM2\n";
+  const Explanation cubic = explained(3, text);
+  EXPECT_EQ(meaning(cubic.words, "J3"), "first control point: 3 mm from the start");
+  EXPECT_EQ(meaning(cubic.words, "Q-3"), "second control point: -3 mm from the end, in Y");
+  EXPECT_EQ(cubic.to[0], 1);
+  ASSERT_FALSE(cubic.calls.empty());
+  EXPECT_THAT(cubic.calls.front(), HasSubstr("NURBS"));
+  EXPECT_EQ(meaning(explained(4, text).words, "I1"), "the control point: 1 mm from the start");
+  EXPECT_EQ(explained(5, text).words.back().meaning, "a message for the operator");
+  EXPECT_THAT(explained(6, text).words.back().meaning, HasSubstr("values of its parameters"));
+  EXPECT_EQ(explained(7, text).words.back().meaning, "a comment");
+  EXPECT_EQ(meaning(explained(8, text).words, "Q5"), "at most 5 s");
+}
+
 }  // namespace
 }  // namespace polypod::gcode

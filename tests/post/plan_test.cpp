@@ -156,6 +156,17 @@ TEST(Post, FeedsPerMinuteAndInverseTimeTakeTheSameTime) {
 }
 
 /// Through the pole of A and C the tool goes on with the other sign of A, and C does not turn.
+/// Nothing says where the first cut of a CL file without FROM and RAPID starts: it has its own feed, and no time.
+TEST(Post, AFirstCutHasItsFeed) {
+  const post::Path path = value(post::parse_cl("UNITS/MM\nFEDRAT/100\nGOTO/0,0,50,0,0,1\nGOTO/10,0,50\nFINI\n", "t"));
+  const Posted plain = test::post_to(Dialect::ngc, test::load("lola50"), "auto", path, {0, -1300, 0});
+  EXPECT_THAT(plain.written.text, ::testing::HasSubstr("G1 X0 Y0 Z50 A0 B0 F100\nX10\n"));
+  post::WriteOptions options;
+  options.inverse_time = true;
+  const Posted inverse = test::post_to(Dialect::ngc, test::load("lola50"), "auto", path, {0, -1300, 0}, {}, options);
+  EXPECT_THAT(inverse.written.text, ::testing::HasSubstr("G94 G1 X0 Y0 Z50 A0 B0 F100\nG93\nX10 F10\n"));
+}
+
 TEST(Post, GoesThroughThePole) {
   const post::Path path = value(post::parse_cl(
       "UNITS/MM\nRAPID\nGOTO/-20,0,0,-0.17364818,0,0.98480775\nFEDRAT/600\nGOTO/20,0,0,0.17364818,0,0.98480775\nFINI\n",

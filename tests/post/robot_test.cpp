@@ -300,6 +300,20 @@ TEST(Robots, LongProgramsAreSplit) {
   }
 }
 
+/// A module cannot have the name of a word of its language.
+TEST(Robots, ProgramsHaveNamesThatTheirLanguageTakes) {
+  const post::Path path = value(post::parse_cl("UNITS/MM\nRAPID\nGOTO/0,0,0\nFINI\n", "t"));
+  post::WriteOptions options;
+  for (const char* name : {"test", "WAIT", "if", "While", "module"}) {
+    options.name = name;
+    for (const Dialect dialect : kRobots) {
+      const Posted posted = test::post_to(dialect, test::load("lola50"), "auto", path, {0, -1300, 0}, {}, options);
+      const std::string head = dialect == Dialect::krl ? "DEF " : dialect == Dialect::rapid ? "MODULE " : "def ";
+      EXPECT_THAT(posted.written.text, ::testing::HasSubstr(head + "P_" + name)) << name;
+    }
+  }
+}
+
 TEST(Robots, AreArms) {
   const post::Configuration delta = value(post::configure(test::load("delta-brno"), "auto"));
   const post::Path path = value(post::parse_cl("UNITS/MM\nRAPID\nGOTO/0,0,500\nFINI\n", "t"));
