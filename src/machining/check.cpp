@@ -15,6 +15,7 @@
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machining/job.hpp"
 #include "polypod/machining/tilted.hpp"
+#include "side.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -324,6 +325,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   }
   if ((speeds || hard) && out.fastest_line == 0 && out.hardest_line == 0 && !out.joints.empty())
     out.notes.push_back(fmt::format("no cut was there in which the {} of the joints could be judged", what));
+  if (auto side = note_on_side(machine)) out.notes.push_back(std::move(*side));
   if (!speeds && !interpretation.moves.empty())
     out.notes.emplace_back("the speeds of the joints are not judged: no job gives joint_speeds");
   constexpr double kUpright = units::from_deg(0.1);

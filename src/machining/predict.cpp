@@ -24,6 +24,7 @@
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "side.hpp"
 #include "way.hpp"
 
 namespace polypod::machining {
@@ -464,6 +465,7 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
   std::vector<std::string> notes;
   if (auto note = note_on_air(programmed, prediction)) notes.push_back(std::move(*note));
   if (kinematics::leaves_a_joint_free(job.machine)) notes.emplace_back(kOneChoice);
+  if (auto side = note_on_side(job.machine)) notes.push_back(std::move(*side));
   if (const std::string rigid = rigid_parts(job.machine); !job.measured && !rigid.empty())
     notes.push_back(fmt::format("without a compliance in the machine file, so counted as rigid: {}", rigid));
   if (job.factors.force != 1 || job.factors.compliance != 1) {

@@ -10,6 +10,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/forward_near.hpp"
 
 namespace polypod::quality {
 namespace {
@@ -154,10 +155,41 @@ Result<Eigen::VectorXd> figure_shift(const AnyMachine& machine, const Element& f
   return out;
 }
 
+namespace {
+/// Whether the machine with that figure changed has its tool elsewhere at the joints of home.
+bool moves_tool(const AnyMachine& machine, const AnyMachine& changed) {
+  constexpr double kSame = 1e-7;  // of the change, 1e-3
+  const auto home = kinematics::home_pose(machine);
+  if (!home) return false;
+  const kinematics::InverseResult inverse = kinematics::inverse(machine, *home);
+  const kinematics::Solution* best = inverse.reachable();
+  if (best == nullptr) return false;
+  const kinematics::ForwardResult there = kinematics::forward_near(changed, best->joints, *home);
+  if (there.poses.empty()) return true;
+  const Pose X = kinematics::settled(machine, *home, best->joints), &Y = there.poses.front();
+  return (X.p - Y.p).norm() > kSame || (X.R - Y.R).norm() > kSame;
+}
+}  // namespace
+
 Result<Eigen::VectorXd> figure_rate(const AnyMachine& machine, const Element& figure) {
   // Small against any figure, large against the twelve digits that a machine file keeps of it.
   constexpr double kStep = 1e-5;  // m, rad or no unit
   const auto up = figure_shift(machine, figure, kStep), down = figure_shift(machine, figure, -kStep);
+  if (up && down && up->isZero() && down->isZero()) {
+    // No parameter follows it. What it changes all the same, an orientation that constraints keep, has no columns here.
+    constexpr double kSeen = 1e-3;
+    const std::vector<machine::Parameter> figures = all_figures(machine);
+    const auto at = std::find_if(figures.begin(), figures.end(), [&](const auto& p) { return p.key == figure.key; });
+    const auto changed =
+        machine::with_value(machine, machine::key_of({figure.key, 0, figure.unit}),
+                            units::to_user((at == figures.end() ? 0 : at->value) + kSeen, figure.unit));
+    if (changed && moves_tool(machine, *changed)) {
+      return fail("QU104",
+                  fmt::format("{} moves the tool, and is no error of an element: its constraints keep what it says",
+                              figure.key),
+                  {}, "compare `polypod fk` with --set and without it");
+    }
+  }
   if (up && down) return Eigen::VectorXd((*up - *down) / (2 * kStep));
   if (up) return Eigen::VectorXd(*up / kStep);
   if (down) return Eigen::VectorXd(*down / -kStep);
