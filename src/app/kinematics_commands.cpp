@@ -516,13 +516,15 @@ Command jacobian_command() {
             !kinematics::task(m).turns()
                 ? ""
                 : fmt::format(" (angles on {} mm)", figure(units::to_mm(d.characteristic_length), 1));
-        constexpr double kBeyondDouble = 1e15;
+        constexpr double kBeyondDouble = 1e15, kFewDigits = 1e9;
+        const std::string condition = d.condition < kFewDigits      ? fmt::format("{:.4f}", d.condition)
+                                      : d.condition < kBeyondDouble ? fmt::format("{:.1g}", d.condition)
+                                                                    : "infinite";
         const char* determinant_name = serial && J.cols() > square.rows() ? "sqrt(det(J J^T))" : "determinant";
-        fmt::print("condition {}, smallest singular value {:.6f}{} of the {}{}\n{} {:.6g}{}\n",
-                   d.condition < kBeyondDouble ? fmt::format("{:.4f}", d.condition) : "infinite", d.sigma_min,
-                   serial ? " m/rad" : "",
+        fmt::print("condition {}, smallest singular value {:.6f}{} of the {}{}\n{} {:.6g}{}{}\n", condition,
+                   d.sigma_min, serial ? " m/rad" : "",
                    serial ? "tool's speed by the joints' speeds" : "joints' speeds by the tool's speed", length,
-                   determinant_name, d.determinant, serial ? "" : " of the inverse of this matrix");
+                   determinant_name, d.determinant, serial ? "" : " of the inverse of this matrix", length);
         return kDone;
       }};
 }

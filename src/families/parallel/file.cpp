@@ -135,7 +135,7 @@ Result<ParallelLeg> read_leg(const config::Table& table) {
     }
   }
   POLYPOD_TRY(read_range(table, leg));
-  POLYPOD_ASSIGN(compliance, table.optional_number("compliance_um_per_N", 0, config::kNotNegative));
+  POLYPOD_ASSIGN(compliance, table.optional_number("compliance_um_per_N", 0, {0, 1e6}));
   leg.compliance = units::from_um(compliance);
   POLYPOD_TRY(table.finish());
   return leg;

@@ -76,7 +76,7 @@ Status read_limits(const config::Table& table, SerialArm& arm) {
 
 Status read_compliance(const config::Table& table, SerialArm& arm) {
   if (!table.has("compliance_rad_per_Nm")) return {};
-  POLYPOD_ASSIGN(values, table.numbers("compliance_rad_per_Nm", 0, config::kNotNegative));
+  POLYPOD_ASSIGN(values, table.numbers("compliance_rad_per_Nm", 0, {0, 1}));
   const bool for_all = values.size() == arm.dh.size();
   if (!for_all && static_cast<int>(values.size()) != arm.free_joints()) {
     return fail("MA114",
