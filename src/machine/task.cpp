@@ -2,6 +2,7 @@
 #include "polypod/machine/task.hpp"
 
 #include <Eigen/QR>
+#include <numbers>
 
 namespace polypod::machine {
 namespace {
@@ -34,6 +35,13 @@ Pose prescribed(Task task, const Pose& target, const Pose& other) {
   }
   const Vec3 wanted = angles_abc(target.R);
   Vec3 abc = angles_abc(other.R);
+  if (task.holds(Coordinate::a) && task.holds(Coordinate::b)) {
+    // Of the two triples of angles of an orientation that which is nearer: where B passes 90 deg they change places.
+    const Mat3 same = rotation_z(abc.z() - wanted.z()) * target.R;
+    const Mat3 half = rotation_z(std::numbers::pi) * same;
+    out.R = (same * other.R.transpose()).trace() >= (half * other.R.transpose()).trace() ? same : half;
+    return out;
+  }
   for (int k = 0; k < 3; ++k)
     if (task.holds(static_cast<Coordinate>(3 + k))) abc[k] = wanted[k];
   out.R = rotation_abc(abc[0], abc[1], abc[2]);

@@ -195,8 +195,18 @@ bool is_near(const Parallel& m, const Settling& s) {
 Pose between(const Parallel& m, const Pose& target, double share) {
   Pose out = target;
   out.p = m.home.p + share * (target.p - m.home.p);
-  const Vec3 to = m.task.names_axis() ? Vec3(angles_ab(target.R.col(2))[0], angles_ab(target.R.col(2))[1], 0)
-                                      : angles_abc(target.R);
+  Vec3 to = m.task.names_axis() ? Vec3(angles_ab(target.R.col(2))[0], angles_ab(target.R.col(2))[1], 0)
+                                : angles_abc(target.R);
+  // The same orientation has two triples of angles: that which is nearer in the coordinates of the task.
+  const auto far = [&](const Vec3& angles) {
+    double farthest = 0;
+    for (int k = 0; k < 3; ++k)
+      if (m.task.holds(static_cast<Coordinate>(3 + k)))
+        farthest = std::max(farthest, std::abs(std::remainder(angles[k] - m.home_angles[k], kTurn)));
+    return farthest;
+  };
+  const Vec3 half(kTurn / 2 + to.x(), kTurn / 2 - to.y(), kTurn / 2 + to.z());
+  if (!m.task.names_axis() && far(half) < far(to)) to = half;
   Vec3 abc = m.home_angles;
   for (int k = 0; k < 3; ++k) abc[k] += share * std::remainder(to[k] - m.home_angles[k], kTurn);
   out.R = rotation_abc(abc[0], abc[1], abc[2]);
