@@ -6,6 +6,7 @@
 #include "commands.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/quality/singularity.hpp"
 #include "survey_options.hpp"
 
@@ -85,9 +86,13 @@ Command singularities_command() {
             if (here.joints.size() == 0) return cannot_take(context, here.reason);
             const quality::Singularity s = quality::singularity(m, X, here.joints, length);
             const auto near = quality::nearest(m, X, here.joints, length);
+            // The machine may be regular while a motion of its drives changes no coordinate of the task.
+            constexpr double kLost = 1e12;
+            const bool prescribed = s.kind != 0 || kinematics::dexterity(m, X, here.joints, length).condition < kLost;
             if (context.json) {
               Json document = singularity_json(m, X, s);
               document["within_limits"] = here.reachable;
+              document["task_prescribes"] = prescribed;
               document["nearest"] = near ? Json{{"pose", pose_for_user(m, near->X_MT)},
                                                 {"translation_mm", units::to_mm(near->translation)},
                                                 {"rotation_deg", units::to_deg(near->rotation)}}
@@ -95,6 +100,11 @@ Command singularities_command() {
               print_json(singular.in(document));
             } else {
               fmt::print("the machine {}{}\n", s.kind != 0 ? "" : "is ", quality::in_words(X, s));
+              if (!prescribed) {
+                fmt::print(
+                    "but its task does not prescribe a pose here: drives move the tool, and no coordinate of the "
+                    "task changes; joints of this pose are one choice of many\n");
+              }
               if (!here.reachable) fmt::print("(beyond its limits: {})\n", here.reason);
               if (near && s.kind == 0) {
                 fmt::print(
@@ -104,7 +114,7 @@ Command singularities_command() {
                     pose_text(m, near->X_MT, 1));
               }
             }
-            return s.kind != 0 ? kAnswerIsNo : kDone;
+            return s.kind != 0 || !prescribed ? kAnswerIsNo : kDone;
           }};
 }
 
