@@ -434,6 +434,7 @@ Command optimize_command() {
         options.better = [&](const Row& row) { return write_winner(study, o->folder, row); };
         std::unique_ptr<design::Crew> crew;
         if (ranks != nullptr) crew = ranks->crew(study, text, std::max(1, o->threads), options.cancelled);
+        if (crew == nullptr) crew = design::thread_crew(study, o->threads, options.cancelled);
         options.crew = crew.get();
         POLYPOD_ASSIGN(found, design::optimize(study, store, options));
         if (context.progress) fmt::print(stderr, "\r\x1b[K");
@@ -441,15 +442,10 @@ Command optimize_command() {
         if (found.best) POLYPOD_TRY(write_winner(study, o->folder, found.rows[*found.best]));
         const std::vector<Row> asked(found.rows.begin(), found.rows.begin() + static_cast<std::ptrdiff_t>(found.asked));
         const bool any = found.best || !found.front.empty();
-        design::EvaluateOptions finer;
-        finer.threads = o->threads;
-        finer.cancelled = options.cancelled;
-        POLYPOD_ASSIGN(again, design::judge_again(study, store, found, finer,
-                                                  [line = progress_line(context, "judging again")](
-                                                      double share) mutable { line(share); }));
-        POLYPOD_ASSIGN(known, design::judge_compared(study, store, again, finer,
-                                                     [line = progress_line(context, "judging what is known")](
-                                                         double share) mutable { line(share); }));
+        POLYPOD_ASSIGN(judged, design::judge_finer(study, store, found, *crew,
+                                                   [line = progress_line(context, "judging again")](
+                                                       double share) mutable { line(share); }));
+        const auto& [again, known] = judged;
         POLYPOD_TRY(store.close());
         const design::Answer answer{study, found.rows, again};
         const bool yes = says_yes(answer, any, known);

@@ -3,10 +3,10 @@
 // what is left of the evaluations goes to the best of all.
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <numbers>
 
 #include "expected.hpp"
-#include "refine.hpp"
 
 namespace polypod::design {
 namespace {
@@ -46,78 +46,119 @@ class Memory {
   double sum_ = 0, sum_F_ = 0, sum_F2_ = 0, sum_CR_ = 0, sum_CR2_ = 0;
 };
 
-Shares trial(Ledger& ledger, const std::vector<Member>& population, const std::vector<Shares>& archive, std::size_t i,
-             double F, double CR) {
-  constexpr double kBestShare = 0.15;
-  const std::size_t n = population.size();
-  const auto best =
-      std::max<std::size_t>(2, static_cast<std::size_t>(std::lround(kBestShare * static_cast<double>(n))));
-  const Shares& p = population[ledger.below(best)].u;
-  std::size_t a = i;
-  while (a == i) a = ledger.below(n);
-  std::size_t b = i;
-  while (b == i || b == a) b = ledger.below(n + archive.size());
-  const Shares& x = population[i].u;
-  const Shares& x_b = b < n ? population[b].u : archive[b - n];
-  Shares out = x;
-  const std::size_t surely = ledger.below(ledger.n());
-  for (std::size_t k = 0; k < ledger.n(); ++k) {
-    if (ledger.random().uniform() >= CR && k != surely) continue;
-    out[k] = std::clamp(x[k] + F * (p[k] - x[k]) + F * (population[a].u[k] - x_b[k]), 0.0, 1.0);
+/// Differential evolution of one population, a trial after another for each member in turn. A better trial takes the
+/// place of its parent as soon as it is known, and the parent goes into an archive.
+class Evolution {
+ public:
+  Evolution(Ledger& ledger, std::vector<Member> population, std::int64_t budget)
+      : ledger_(ledger), budget_(budget), end_(ledger.left() - budget), start_size_(population.size()) {
+    for (Member& m : population) population_.push_back({std::move(m), ids_++});
   }
-  return out;
-}
 
-/// Better trials take the places of their parents, which go into the archive.
-void select(const Ledger& ledger, std::vector<Member>& population, const std::vector<Member>& trials,
-            const std::vector<std::pair<double, double>>& used, std::vector<Shares>& archive, Memory& memory) {
-  for (std::size_t i = 0; i < trials.size(); ++i) {
-    if (trials[i].u.empty()) continue;  // beyond the last evaluation
-    const Rank now = rank(ledger, trials[i]), was = rank(ledger, population[i]);
-    if (was > now) continue;
+  std::optional<Shares> next() {
+    constexpr int kIdle = 30;  // rounds without a new candidate
+    if (ledger_.left() <= end_ || population_.size() < 4 || idle_ >= kIdle * static_cast<int>(population_.size()))
+      return std::nullopt;
+    if (at_ == 0) begin_round();
+    const std::size_t i = at_;
+    at_ = (at_ + 1) % population_.size();
+    const auto [CR, F] = memory_.draw(ledger_);
+    in_work_.push_back({population_[i].id, CR, F});
+    return trial(i, F, CR);
+  }
+
+  void known(const Member& m, bool fresh) {
+    idle_ = fresh ? 0 : idle_ + 1;
+    const Trial of = in_work_.front();
+    in_work_.pop_front();
+    const auto parent =
+        std::find_if(population_.begin(), population_.end(), [&](const Individual& p) { return p.id == of.parent; });
+    if (parent == population_.end()) return;  // the population has become smaller
+    const Rank now = rank(ledger_, m), was = rank(ledger_, parent->m);
+    if (was > now) return;
     if (now > was) {
-      archive.push_back(population[i].u);
+      archive_.push_back(parent->m.u);
+      while (archive_.size() > start_size_)
+        archive_.erase(archive_.begin() + static_cast<std::ptrdiff_t>(ledger_.below(archive_.size())));
       const double gain = now.objective - was.objective;
       constexpr double kSomeGain = 1e-6;
-      memory.add(std::isfinite(gain) && gain > 0 ? gain : kSomeGain, used[i].first, used[i].second);
+      memory_.add(std::isfinite(gain) && gain > 0 ? gain : kSomeGain, of.F, of.CR);
     }
-    population[i] = trials[i];
+    parent->m = m;
   }
-  memory.keep();
-}
+
+  void improve_with(Member& best) const {
+    for (const Individual& p : population_) improve(ledger_, best, p.m);
+  }
+
+ private:
+  struct Individual {
+    Member m;
+    int id = 0;
+  };
+  struct Trial {
+    int parent = 0;
+    double CR = 0, F = 0;
+  };
+
+  /// The best first; the population shrinks with the evaluations that are left.
+  void begin_round() {
+    constexpr std::size_t kLeast = 5;
+    memory_.keep();
+    std::stable_sort(population_.begin(), population_.end(),
+                     [&](const Individual& a, const Individual& b) { return rank(ledger_, a.m) > rank(ledger_, b.m); });
+    const double done = 1 - static_cast<double>(ledger_.left() - end_) / static_cast<double>(budget_);
+    const double size =
+        static_cast<double>(start_size_) - done * static_cast<double>(start_size_ - std::min(start_size_, kLeast));
+    population_.resize(std::min(population_.size(), std::max(static_cast<std::size_t>(std::lround(size)), kLeast)));
+  }
+
+  Shares trial(std::size_t i, double F, double CR) {
+    constexpr double kBestShare = 0.15;
+    const std::size_t n = population_.size();
+    const auto best =
+        std::max<std::size_t>(2, static_cast<std::size_t>(std::lround(kBestShare * static_cast<double>(n))));
+    const Shares& p = population_[ledger_.below(best)].m.u;
+    std::size_t a = i;
+    while (a == i) a = ledger_.below(n);
+    std::size_t b = i;
+    while (b == i || b == a) b = ledger_.below(n + archive_.size());
+    const Shares& x = population_[i].m.u;
+    const Shares &x_a = population_[a].m.u, &x_b = b < n ? population_[b].m.u : archive_[b - n];
+    Shares out = x;
+    const std::size_t surely = ledger_.below(ledger_.n());
+    for (std::size_t k = 0; k < ledger_.n(); ++k) {
+      if (ledger_.random().uniform() >= CR && k != surely) continue;
+      out[k] = std::clamp(x[k] + F * (p[k] - x[k]) + F * (x_a[k] - x_b[k]), 0.0, 1.0);
+    }
+    return out;
+  }
+
+  Ledger& ledger_;
+  std::int64_t budget_, end_;  // evaluations that it has, and that stay
+  std::size_t start_size_;
+  std::vector<Individual> population_;
+  std::vector<Shares> archive_;
+  std::deque<Trial> in_work_;
+  Memory memory_;
+  std::size_t at_ = 0;
+  int ids_ = 0, idle_ = 0;
+};
 
 /// Leaves the best of the last population in `best`.
 Status evolve(Ledger& ledger, std::int64_t budget, bool first, Member& best) {
-  const std::int64_t end = ledger.left() - budget;  // evaluations that stay
+  constexpr std::size_t kTrialsInWork = 8;  // with one it finds no higher hills
+  const std::int64_t end = ledger.left() - budget;
   const auto most = static_cast<std::int64_t>(8 * ledger.n() + 8);
   const auto start_size = static_cast<std::size_t>(std::clamp(budget / 6, std::int64_t{6}, most));
   std::vector<Member> population = ledger.latin(start_size, first);
   POLYPOD_TRY(ledger.ask(population, Phase::sample));
-  constexpr std::size_t kLeast = 5;
-  Memory memory;
-  std::vector<Shares> archive;
-  int idle = 0;
-  constexpr int kIdle = 30;  // generations without a new candidate
-  while (!ledger.over() && ledger.left() > end && population.size() >= 4 && idle < kIdle) {
-    std::stable_sort(population.begin(), population.end(),
-                     [&](const Member& a, const Member& b) { return rank(ledger, a) > rank(ledger, b); });
-    const double done =
-        1 - static_cast<double>(ledger.left() - end) / static_cast<double>(std::max<std::int64_t>(budget, 1));
-    const auto size = static_cast<std::size_t>(std::lround(
-        static_cast<double>(start_size) - done * static_cast<double>(start_size - std::min(start_size, kLeast))));
-    if (population.size() > std::max(size, kLeast)) population.resize(std::max(size, kLeast));
-    std::vector<Member> trials;
-    std::vector<std::pair<double, double>> used;
-    for (std::size_t i = 0; i < population.size(); ++i) {
-      used.push_back(memory.draw(ledger));
-      trials.push_back({trial(ledger, population, archive, i, used.back().second, used.back().first), 0});
-    }
-    const std::size_t rows_before = ledger.rows().size();
-    POLYPOD_TRY(ledger.ask_in_place(trials, Phase::search));
-    idle = ledger.rows().size() == rows_before ? idle + 1 : 0;
-    select(ledger, population, trials, used, archive, memory);
-    while (archive.size() > start_size)
-      archive.erase(archive.begin() + static_cast<std::ptrdiff_t>(ledger.below(archive.size())));
+  if (ledger.left() > end && !population.empty()) {
+    Evolution evolution(ledger, population, ledger.left() - end);
+    POLYPOD_TRY(ledger.ask_in_turn({kTrialsInWork, Phase::search, [&](const auto&) { return evolution.next(); },
+                                    [&](const Member& m, bool fresh) { evolution.known(m, fresh); }}));
+    evolution.improve_with(best);
+    return {};
   }
   for (const Member& m : population) improve(ledger, best, m);
   return {};
@@ -186,40 +227,11 @@ Status try_ends(Ledger& ledger, std::int64_t end, Member& best) {
   return {};
 }
 
-/// The subplex method from the best. Whether it ended by itself.
-Result<bool> refine(Ledger& ledger, std::int64_t end, double step, Member& best) {
-  const std::vector<std::size_t> free = without_steps(ledger.study());
-  const std::int64_t most = ledger.left() - end;
-  if (free.empty()) return true;
-  if (most <= 0 || ledger.over()) return false;
-  const Shares u = best.u;
-  Shares from;
-  for (const std::size_t i : free) from.push_back(u[i]);
-  Status failed;
-  constexpr int kCallsEach = 4;  // what is asked again costs no evaluation
-  constexpr double kLowest = -1e30, kBroken = 1e9;
-  const bool ended = subplex(
-      from, step, kCallsEach * static_cast<int>(most),
-      [&](const Shares& at) {
-        std::vector<Member> one{{u, 0}};
-        for (std::size_t k = 0; k < free.size(); ++k) one[0].u[free[k]] = at[k];
-        failed = ledger.ask(one, Phase::refine);
-        if (!failed || one.empty()) return kLowest;
-        improve(ledger, best, one[0]);
-        const Rank r = rank(ledger, one[0]);
-        if (r.violation > 0) return -kBroken * (1 + std::min(r.violation, kBroken));
-        return r.objective;
-      },
-      [&] { return !failed || ledger.over() || ledger.left() <= end; });
-  POLYPOD_TRY(failed);
-  return ended;
-}
-
 /// What is nearest to `best`, until `end` evaluations are left. Whether it ended by itself.
 Result<bool> go_up(Ledger& ledger, std::int64_t end, double step, Member& best) {
   POLYPOD_TRY(climb(ledger, end, best));
   POLYPOD_TRY(try_ends(ledger, end, best));
-  return refine(ledger, end, step, best);
+  return refine(ledger, without_steps(ledger.study()), {end, step}, best);
 }
 
 constexpr double kFirstStep = 0.08, kLaterStep = 0.03;

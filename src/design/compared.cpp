@@ -27,32 +27,59 @@ const Evaluation& judged(const Answer& answer, const Row& row) {
   return row.evaluation;
 }
 
+/// The best; without one the points of the front where there are holds that they may break.
+std::vector<Row> answer_to_judge(const Study& study, const Outcome& outcome) {
+  std::vector<Row> out;
+  if (!may_flatter(study)) return out;
+  if (outcome.best) {
+    out.push_back(outcome.rows[*outcome.best]);
+  } else if (!study.holds.empty()) {
+    for (const std::size_t i : outcome.front) out.push_back(outcome.rows[i]);
+  }
+  return out;
+}
+
 }  // namespace
 
-Result<Known> judge_compared(const Study& study, Store& store, const std::optional<JudgedAgain>& again,
-                             const EvaluateOptions& options, const std::function<void(double)>& progress) {
-  Study as_judged = study;
-  if (again) as_judged.resolution = again->resolution;
-  Known out{as_judged.resolution, {}};
+Result<Judged> judge_finer(const Study& study, Store& store, const Outcome& outcome, Crew& crew,
+                           const std::function<void(double)>& progress) {
+  const std::vector<Row> answer = answer_to_judge(study, outcome);
+  Judged out;
+  if (!answer.empty()) out.again = JudgedAgain{std::min(kFinestResolution, 2 * study.resolution), answer};
+  Known& known = out.known;
+  known.resolution = out.again ? out.again->resolution : study.resolution;
   POLYPOD_ASSIGN(resolution, store.note(kResolution));
-  if (resolution == fmt::format("{}", out.resolution)) {
+  if (resolution == fmt::format("{}", known.resolution)) {
     POLYPOD_ASSIGN(kept, store.compared());
-    out.rows = std::move(kept);
-    keep_what_is_of(study, out.rows);
+    known.rows = std::move(kept);
+    keep_what_is_of(study, known.rows);
   }
-  const std::size_t all = study.compared.size();
-  while (out.rows.size() < all) {
-    if (progress) progress(static_cast<double>(out.rows.size()) / static_cast<double>(all));
-    Row row;
-    row.row = static_cast<std::int64_t>(out.rows.size()) + 1;
-    row.varied = study.compared[out.rows.size()].varied;
-    POLYPOD_ASSIGN(evaluation, evaluate(as_judged, row.varied, {}, options));
-    row.evaluation = std::move(evaluation);
-    out.rows.push_back(std::move(row));
-    POLYPOD_TRY(store.set_compared(out.rows));
-    POLYPOD_TRY(store.set_note(kResolution, fmt::format("{}", out.resolution)));
+  const std::size_t kept = known.rows.size(), all = study.compared.size();
+  std::vector<Row> rows = answer;
+  for (Row& row : rows) row.phase = Phase::refine;  // the start among them is judged as the candidate that it is
+  for (std::size_t i = kept; i < all; ++i) {
+    Row& row = rows.emplace_back();
+    row.row = static_cast<std::int64_t>(i) + 1;
+    row.varied = study.compared[i].varied;
   }
-  if (progress) progress(1);
+  std::vector<bool> done(rows.size(), false);
+  std::size_t count = 0;
+  if (progress && !rows.empty()) progress(0);
+  POLYPOD_ASSIGN(whole, crew.work(rows, known.resolution, [&](std::size_t i, Evaluation e) -> Status {
+    rows[i].evaluation = std::move(e);
+    done[i] = true;
+    if (progress) progress(static_cast<double>(++count) / static_cast<double>(rows.size()));
+    if (i < answer.size()) {
+      out.again->rows[i].evaluation = rows[i].evaluation;
+      return {};
+    }
+    const auto next = [&] { return answer.size() + known.rows.size() - kept; };
+    while (next() < rows.size() && done[next()]) known.rows.push_back(rows[next()]);
+    POLYPOD_TRY(store.set_compared(known.rows));
+    return store.set_note(kResolution, fmt::format("{}", known.resolution));
+  }));
+  if (!whole) return fail("WS110", "cancelled");
+  if (out.again) POLYPOD_TRY(store.set_judged_again(out.again->resolution, out.again->rows));
   return out;
 }
 

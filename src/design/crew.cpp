@@ -7,7 +7,6 @@
 #include <deque>
 #include <exception>
 #include <mutex>
-#include <optional>
 #include <thread>
 
 #include "polypod/design/cell_study.hpp"
@@ -22,76 +21,33 @@ Result<bool> ended(const Error& error) {
   return tl::unexpected(error);
 }
 
-/// One batch.
-class Batch {
+/// Threads that compute what is put before them.
+class Pool {
  public:
-  Batch(const Study& study, const std::vector<Row>& rows, const Incumbents& incumbents,
-        const std::function<bool()>& cancelled)
-      : study_(study), rows_(rows), incumbents_(incumbents), cancelled_(cancelled) {}
-
-  Result<bool> work(std::size_t count, const Taken& taken) {
-    std::vector<std::thread> threads;
-    const auto join = [&] {
-      stop_ = true;
-      for (std::thread& t : threads) t.join();
-    };
-    try {
-      for (std::size_t k = 0; k < count; ++k) threads.emplace_back([&] { help(); });
-    } catch (...) {
-      if (threads.empty()) throw;  // else those that could be started do the work
-    }
-    std::optional<Error> failed;
-    for (std::size_t got = 0; got < rows_.size() && !failed; ++got) {
-      Done done = next();
-      if (done.thrown) {
-        join();
-        std::rethrow_exception(done.thrown);
-      }
-      if (!done.evaluation) {
-        failed = done.evaluation.error();
-      } else if (const Status status = taken(done.index, std::move(*done.evaluation)); !status) {
-        failed = status.error();
-      }
-    }
-    join();
-    if (failed) {
-      if (failed->id == kCancelled) POLYPOD_TRY(keep_what_is_done(taken));
-      return ended(*failed);
-    }
-    return true;
-  }
-
- private:
   struct Done {
     std::size_t index = 0;
     Result<Evaluation> evaluation;
     std::exception_ptr thrown;
   };
 
-  /// What the others had done when one of them was cancelled.
-  Status keep_what_is_done(const Taken& taken) {
-    for (Done& done : done_)
-      if (!done.thrown && done.evaluation) POLYPOD_TRY(taken(done.index, std::move(*done.evaluation)));
-    return {};
-  }
-
-  void help() {
-    while (!stop_) {
-      const std::size_t i = next_++;
-      if (i >= rows_.size()) return;
-      Done done{i, {}, nullptr};
-      try {
-        done.evaluation =
-            judge(study_, rows_[i], incumbents_, {1, [this] { return stop_ || (cancelled_ && cancelled_()); }});
-      } catch (...) {
-        done.thrown = std::current_exception();
-      }
-      const std::lock_guard guard(mutex_);
-      done_.push_back(std::move(done));
-      ready_.notify_one();
+  Pool(const Study& study, std::size_t count, const std::function<bool()>& cancelled)
+      : study_(study), cancelled_(cancelled) {
+    try {
+      for (std::size_t k = 0; k < count; ++k) threads_.emplace_back([this] { help(); });
+    } catch (...) {
+      if (threads_.empty()) throw;  // else those that could be started do the work
     }
   }
+  Pool(const Pool&) = delete;
+  Pool& operator=(const Pool&) = delete;
+  ~Pool() { stop(); }
 
+  void add(Task task) {
+    const std::lock_guard guard(mutex_);
+    tasks_.push_back(std::move(task));
+    there_.notify_one();
+  }
+  /// Waits for it.
   Done next() {
     std::unique_lock lock(mutex_);
     ready_.wait(lock, [this] { return !done_.empty(); });
@@ -99,16 +55,48 @@ class Batch {
     done_.pop_front();
     return out;
   }
+  /// Ends what is being computed.
+  void stop() {
+    {
+      const std::lock_guard guard(mutex_);
+      stop_ = true;
+      there_.notify_all();
+    }
+    for (std::thread& t : threads_) t.join();
+    threads_.clear();
+  }
+  /// What had been done when it was stopped.
+  std::deque<Done>& done() { return done_; }
+
+ private:
+  void help() {
+    while (true) {
+      std::unique_lock lock(mutex_);
+      there_.wait(lock, [this] { return stop_ || !tasks_.empty(); });
+      if (stop_) return;
+      const Task task = std::move(tasks_.front());
+      tasks_.pop_front();
+      lock.unlock();
+      Done done{task.index, {}, nullptr};
+      try {
+        done.evaluation = judge(study_, task, {1, [this] { return stop_ || (cancelled_ && cancelled_()); }});
+      } catch (...) {
+        done.thrown = std::current_exception();
+      }
+      lock.lock();
+      done_.push_back(std::move(done));
+      ready_.notify_one();
+    }
+  }
 
   const Study& study_;
-  const std::vector<Row>& rows_;
-  const Incumbents& incumbents_;
   const std::function<bool()>& cancelled_;
   std::atomic<bool> stop_{false};
-  std::atomic<std::size_t> next_{0};
   std::mutex mutex_;
-  std::condition_variable ready_;
+  std::condition_variable there_, ready_;
+  std::deque<Task> tasks_;
   std::deque<Done> done_;
+  std::vector<std::thread> threads_;
 };
 
 class Threads final : public Crew {
@@ -116,33 +104,88 @@ class Threads final : public Crew {
   Threads(const Study& study, int threads, std::function<bool()> cancelled)
       : study_(study), threads_(threads), cancelled_(std::move(cancelled)) {}
 
-  Result<bool> work(const std::vector<Row>& rows, const Incumbents& incumbents, const Taken& taken) override {
-    const std::size_t most =
+  Result<bool> work(Tasks& tasks) override {
+    const std::size_t count =
         threads_ > 0 ? static_cast<std::size_t>(threads_) : std::max(1U, std::thread::hardware_concurrency());
-    const std::size_t count = std::min(most, rows.size());
-    if (count > 1) return Batch(study_, rows, incumbents, cancelled_).work(count, taken);
-    for (std::size_t i = 0; i < rows.size(); ++i) {
-      auto done = judge(study_, rows[i], incumbents, {threads_, cancelled_});
-      if (!done) return ended(done.error());
-      POLYPOD_TRY(taken(i, std::move(*done)));
+    std::optional<Pool> pool;
+    std::size_t in_work = 0;
+    while (true) {
+      std::vector<Task> fresh;
+      const std::size_t most = count > 1 ? count + 1 : 1;
+      while (in_work + fresh.size() < most) {
+        std::optional<Task> task = tasks.next();
+        if (!task) break;
+        fresh.push_back(std::move(*task));
+      }
+      if (in_work + fresh.size() == 0) return true;
+      if (in_work == 0 && fresh.size() == 1) {
+        auto done = judge(study_, fresh[0], {threads_, cancelled_});
+        if (!done) return ended(done.error());
+        POLYPOD_TRY(tasks.taken(fresh[0].index, std::move(*done)));
+        continue;
+      }
+      if (!pool) pool.emplace(study_, count, cancelled_);
+      in_work += fresh.size();
+      for (Task& task : fresh) pool->add(std::move(task));
+      Pool::Done done = pool->next();
+      --in_work;
+      if (done.thrown) std::rethrow_exception(done.thrown);
+      if (!done.evaluation) {
+        pool->stop();
+        if (done.evaluation.error().id == kCancelled) POLYPOD_TRY(keep(pool->done(), tasks));
+        return ended(done.evaluation.error());
+      }
+      POLYPOD_TRY(tasks.taken(done.index, std::move(*done.evaluation)));
     }
-    return true;
   }
 
  private:
+  static Status keep(std::deque<Pool::Done>& all, Tasks& tasks) {
+    for (Pool::Done& done : all)
+      if (!done.thrown && done.evaluation) POLYPOD_TRY(tasks.taken(done.index, std::move(*done.evaluation)));
+    return {};
+  }
+
   const Study& study_;
   int threads_;
   std::function<bool()> cancelled_;
 };
 
+class List final : public Tasks {
+ public:
+  List(const std::vector<Row>& rows, int resolution, const Taken& taken)
+      : rows_(rows), resolution_(resolution), taken_(taken) {}
+  std::optional<Task> next() override {
+    if (next_ >= rows_.size()) return std::nullopt;
+    const std::size_t i = next_++;
+    return Task{i, rows_[i], {}, resolution_};
+  }
+  Status taken(std::size_t index, Evaluation evaluation) override { return taken_(index, std::move(evaluation)); }
+
+ private:
+  const std::vector<Row>& rows_;
+  int resolution_;
+  const Taken& taken_;
+  std::size_t next_ = 0;
+};
+
 }  // namespace
 
-Result<Evaluation> judge(const Study& study, const Row& row, const Incumbents& incumbents,
-                         const EvaluateOptions& options) {
+Result<bool> Crew::work(const std::vector<Row>& rows, int resolution, const Taken& taken) {
+  List list(rows, resolution, taken);
+  return work(list);
+}
+
+Result<Evaluation> judge(const Study& study, const Task& task, const EvaluateOptions& options) {
   if (options.cancelled && options.cancelled()) return fail(kCancelled, "cancelled");
-  if (row.phase == Phase::start && study.of_cell) return evaluate_cell(study, nullptr, options);
-  if (row.phase == Phase::start) return evaluate_machine(study, study.start, {}, options);
-  return evaluate(study, row.varied, incumbents, options);
+  if (task.resolution > 0 && task.resolution != study.resolution) {
+    Study finer = study;
+    finer.resolution = task.resolution;
+    return judge(finer, task, options);
+  }
+  if (task.row.phase == Phase::start && study.of_cell) return evaluate_cell(study, nullptr, options);
+  if (task.row.phase == Phase::start) return evaluate_machine(study, study.start, {}, options);
+  return evaluate(study, task.row.varied, task.incumbents, options);
 }
 
 std::unique_ptr<Crew> thread_crew(const Study& study, int threads, std::function<bool()> cancelled) {

@@ -47,12 +47,6 @@ double best_objective(const Ledger& ledger, const Models& models) {
   return wanted.empty() ? out : wanted.front().mean.maxCoeff();
 }
 
-double distance(const Shares& a, const Shares& b) {
-  double out = 0;
-  for (std::size_t k = 0; k < a.size(); ++k) out = std::max(out, std::abs(a[k] - b[k]));
-  return out;
-}
-
 }  // namespace
 
 bool takes_models(const Ledger& ledger) {
@@ -63,48 +57,50 @@ bool takes_models(const Ledger& ledger) {
   return search == Search::models || (search == Search::automatic && few);
 }
 
+Worth expected_gain(const Ledger& ledger, const Models& models) {
+  const double known = best_objective(ledger, models);
+  return [&models, known](const std::vector<Shares>& at) { return expected_gain(models, known, at); };
+}
+
 Status expect(Ledger& ledger, std::int64_t end, Member& best) {
-  constexpr std::size_t kBatch = 4, kStarts = 6;
+  constexpr std::size_t kStarts = 6;
   constexpr double kElsewhere = 0.25;
+  constexpr int kEach = 4;         // one of so many lies elsewhere: on another hill, if there is one
   constexpr double kGrown = 1.15;  // the models' lengths are looked for again
-  constexpr int kIdle = 3;
+  constexpr int kIdle = 12;
   const auto wanted = static_cast<std::int64_t>(2 * ledger.n() + 6);
-  std::vector<Member> sample =
+  std::vector<Member> all =
       ledger.latin(static_cast<std::size_t>(std::clamp((ledger.left() - end) / 3, std::int64_t{4}, wanted)), true);
-  POLYPOD_TRY(ledger.ask(sample, Phase::sample));
-  std::vector<Member> all = sample;
-  for (const Member& m : sample) improve(ledger, best, m);
+  POLYPOD_TRY(ledger.ask(all, Phase::sample));
+  for (const Member& m : all) improve(ledger, best, m);
   Models models(ledger.study());
   double fitted = 0;
-  int idle = 0;
-  while (!ledger.over() && ledger.left() > end && idle < kIdle) {
+  int asked = 0, idle = 0;
+  const auto next = [&](const std::vector<Member>& in_work) -> std::optional<Shares> {
+    if (ledger.left() <= end || idle >= kIdle) return std::nullopt;
     std::stable_sort(all.begin(), all.end(),
                      [&](const Member& a, const Member& b) { return rank(ledger, a) > rank(ledger, b); });
     std::vector<Shares> about;
     for (std::size_t i = 0; i < std::min(kStarts, all.size()); ++i) about.push_back(all[i].u);
-    std::vector<Member> batch;
-    const auto size = std::min<std::size_t>(kBatch, static_cast<std::size_t>(ledger.left() - end));
-    while (batch.size() < size) {
-      const bool again = batch.empty() && static_cast<double>(ledger.rows().size()) > kGrown * fitted;
-      if (again) fitted = static_cast<double>(ledger.rows().size());
-      models.learn(ledger, batch, again);
-      // The last of a batch lies elsewhere: on another hill, if there is one.
-      const double away = batch.size() + 1 == kBatch ? kElsewhere : 0, known = best_objective(ledger, models);
-      const Worth worth = [&](const std::vector<Shares>& at) {
-        Eigen::VectorXd out = expected_gain(models, known, at);
-        for (std::size_t i = 0; away > 0 && i < at.size(); ++i)
-          if (distance(at[i], about.front()) < away) out[Eigen::Index(i)] = -std::numeric_limits<double>::infinity();
-        return out;
-      };
-      batch.push_back({most_worth(ledger, worth, about), 0});
+    if (static_cast<double>(ledger.rows().size()) > kGrown * fitted) {
+      fitted = static_cast<double>(ledger.rows().size());
+      models.learn(ledger, {}, true);
     }
-    const std::size_t rows_before = ledger.rows().size();
-    POLYPOD_TRY(ledger.ask(batch, Phase::search));
-    idle = ledger.rows().size() == rows_before ? idle + 1 : 0;
-    for (const Member& m : batch) improve(ledger, best, m);
-    all.insert(all.end(), batch.begin(), batch.end());
-  }
-  return {};
+    models.learn(ledger, in_work, false);
+    const double away = ++asked % kEach == 0 ? kElsewhere : 0;
+    const Worth gain = expected_gain(ledger, models), worth = [&](const std::vector<Shares>&at) {
+      Eigen::VectorXd out = gain(at);
+      for (std::size_t i = 0; away > 0 && i < at.size(); ++i)
+        if (distance(at[i], about.front()) < away) out[Eigen::Index(i)] = -std::numeric_limits<double>::infinity();
+      return out;
+    };
+    return most_worth(ledger, worth, about);
+  };
+  return ledger.ask_in_turn({kInWork, Phase::search, next, [&](const Member& m, bool fresh) {
+                               idle = fresh ? 0 : idle + 1;
+                               improve(ledger, best, m);
+                               all.push_back(m);
+                             }});
 }
 
 }  // namespace polypod::design

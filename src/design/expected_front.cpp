@@ -54,6 +54,15 @@ class Frame {
     }
   }
   [[nodiscard]] bool empty() const { return front_.empty(); }
+  /// What is being computed is taken for what the models expect of it, so that the next candidate lies elsewhere.
+  void believe(const Models& models, const std::vector<Member>& in_work) {
+    for (const Member& m : in_work) {
+      const std::vector<Kriging::Guess> wanted = models.wanted({m.u});
+      if (wanted.empty() || empty()) return;
+      std::vector<double>& g = front_.emplace_back();
+      for (const Kriging::Guess& guess : wanted) g.push_back(guess.mean[0]);
+    }
+  }
   [[nodiscard]] double reach(const Evaluation& e, const Direction& to) const {
     return empty() ? -kInf : reach(scale_.of(e), to);
   }
@@ -142,40 +151,42 @@ class Push {
 }  // namespace
 
 Result<std::vector<Member>> expect_front(Ledger& ledger) {
-  constexpr std::size_t kBatch = 4, kStarts = 6;
+  constexpr std::size_t kStarts = 6;
   constexpr double kGrown = 1.15;  // the models' lengths are looked for again
-  constexpr int kIdle = 3;
+  constexpr int kIdle = 12;
+  constexpr std::size_t kTrialsInWork = 4;  // with five the front of three goals has less volume
   const auto wanted = static_cast<std::int64_t>(2 * ledger.n() + 6);
   std::vector<Member> all =
       ledger.latin(static_cast<std::size_t>(std::clamp(ledger.left() / 3, std::int64_t{4}, wanted)), true);
   POLYPOD_TRY(ledger.ask(all, Phase::sample));
   Models models(ledger.study());
   double fitted = 0;
-  for (int idle = 0; !ledger.over() && idle < kIdle;) {
-    const Frame frame(ledger);
-    std::vector<Member> batch;
-    const auto size = std::min<std::size_t>(kBatch, static_cast<std::size_t>(ledger.left()));
-    while (batch.size() < size) {
-      const bool again = batch.empty() && static_cast<double>(ledger.rows().size()) > kGrown * fitted;
-      if (again) fitted = static_cast<double>(ledger.rows().size());
-      models.learn(ledger, batch, again);
-      const Push push(ledger, models, frame);
-      std::stable_sort(all.begin(), all.end(), [&](const Member& a, const Member& b) {
-        const auto worth = [&](const Member& m) {
-          const Evaluation& e = ledger.of(m);
-          return Rank{e.violation, frame.reach(e, push.direction())};
-        };
-        return worth(a) > worth(b);
-      });
-      std::vector<Shares> about;
-      for (std::size_t i = 0; i < std::min(kStarts, all.size()); ++i) about.push_back(all[i].u);
-      batch.push_back({most_worth(ledger, push, about), 0});
+  int idle = 0;
+  const auto next = [&](const std::vector<Member>& in_work) -> std::optional<Shares> {
+    if (idle >= kIdle) return std::nullopt;
+    Frame frame(ledger);
+    if (static_cast<double>(ledger.rows().size()) > kGrown * fitted) {
+      fitted = static_cast<double>(ledger.rows().size());
+      models.learn(ledger, {}, true);
     }
-    const std::size_t rows_before = ledger.rows().size();
-    POLYPOD_TRY(ledger.ask(batch, Phase::search));
-    idle = ledger.rows().size() == rows_before ? idle + 1 : 0;
-    all.insert(all.end(), batch.begin(), batch.end());
-  }
+    models.learn(ledger, in_work, false);
+    frame.believe(models, in_work);
+    const Push push(ledger, models, frame);
+    std::stable_sort(all.begin(), all.end(), [&](const Member& a, const Member& b) {
+      const auto worth = [&](const Member& m) {
+        const Evaluation& e = ledger.of(m);
+        return Rank{e.violation, frame.reach(e, push.direction())};
+      };
+      return worth(a) > worth(b);
+    });
+    std::vector<Shares> about;
+    for (std::size_t i = 0; i < std::min(kStarts, all.size()); ++i) about.push_back(all[i].u);
+    return most_worth(ledger, push, about);
+  };
+  POLYPOD_TRY(ledger.ask_in_turn({kTrialsInWork, Phase::search, next, [&](const Member& m, bool fresh) {
+                                    idle = fresh ? 0 : idle + 1;
+                                    all.push_back(m);
+                                  }}));
   return all;
 }
 

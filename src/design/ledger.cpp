@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <numeric>
 #include <sstream>
 
@@ -111,70 +112,162 @@ Status Ledger::ask_in_place(std::vector<Member>& members, Phase phase) {
   return {};
 }
 
-Status Ledger::ask_rows(const std::vector<std::pair<std::string, Row>>& asked) {
-  std::vector<Row> missing;
-  std::vector<std::size_t> places;  // of the missing in out_.rows
-  std::vector<std::pair<std::string, std::size_t>> fresh;
-  for (const auto& [key, row] : asked) {
-    if (seen_.contains(key) || over()) continue;
-    const std::size_t place = out_.rows.size();
-    seen_.emplace(key, place);
-    fresh.emplace_back(key, place);
-    if (const auto known = known_.find(key); known != known_.end()) {
-      taken_[known->second] = true;
-      out_.rows.push_back(stored_[known->second]);
-      ++finished_;
-      continue;
+/// What is asked for, in its order: in work, then known.
+class Ledger::Work final : public Tasks {
+ public:
+  struct Asked {
+    std::string key;
+    Row row;
+    Shares u;  // of a stream
+  };
+  using Next = std::function<std::optional<Asked>(const std::vector<Member>& in_work)>;
+  using Known = std::function<void(const Asked&, bool fresh)>;
+
+  Work(Ledger& ledger, std::size_t window, Next next, Known known)
+      : ledger_(ledger), window_(window), next_(std::move(next)), known_(std::move(known)) {}
+
+  std::optional<Task> next() override {
+    while (!failed_) {
+      if (queue_.size() >= window_ || over_) {
+        if (queue_.empty() || !queue_.front().done) return std::nullopt;
+        settle();
+        continue;
+      }
+      std::optional<Asked> asked = ledger_.over() ? std::nullopt : next_(in_work());
+      over_ = !asked;
+      if (asked && put(std::move(*asked))) return Task{last_, queue_.back().asked.row, ledger_.incumbents_, 0};
     }
-    Row next = row;
-    next.version = options_.version;
-    next.row = number(static_cast<std::int64_t>(place) + 1);
-    out_.rows.push_back(next);
-    missing.push_back(std::move(next));
-    places.push_back(place);
+    return std::nullopt;
   }
-  if (!missing.empty()) POLYPOD_TRY(compute(missing, places, fresh));
-  for (const auto& [key, place] : fresh) learn(place);
-  return tell_of_better();
+
+  Status taken(std::size_t index, Evaluation evaluation) override {
+    Place& place = *std::find_if(queue_.begin(), queue_.end(), [&](const Place& p) { return p.index == index; });
+    Row& row = place.asked.row;
+    row.evaluation = std::move(evaluation);
+    POLYPOD_TRY(ledger_.store_.add(row));
+    place.done = true;
+    ++ledger_.out_.computed;
+    ++ledger_.finished_;
+    ledger_.report(row.phase, begin_);
+    return failed_ ? Status(tl::unexpected(*failed_)) : Status();
+  }
+
+  /// What is done; after a cancellation the rest is as if it had not been asked for.
+  Status end() {
+    while (!queue_.empty() && !failed_) {
+      if (queue_.front().done) {
+        settle();
+      } else {
+        --ledger_.in_work_;
+        queue_.pop_front();
+      }
+    }
+    return failed_ ? Status(tl::unexpected(*failed_)) : Status();
+  }
+
+ private:
+  struct Place {
+    std::size_t index = 0;
+    Asked asked;
+    bool fresh = true, done = false;
+  };
+
+  [[nodiscard]] std::vector<Member> in_work() const {
+    std::vector<Member> out;
+    for (const Place& p : queue_)
+      if (p.fresh) out.push_back({p.asked.u, 0});
+    return out;
+  }
+
+  /// Whether it has to be computed.
+  bool put(Asked asked) {
+    Place place{++last_, std::move(asked)};
+    const std::string& key = place.asked.key;
+    const bool again = ledger_.seen_.contains(key) ||
+                       std::any_of(queue_.begin(), queue_.end(), [&](const Place& p) { return p.asked.key == key; });
+    if (again) {
+      place.fresh = false;
+      place.done = true;
+    } else if (const auto stored = ledger_.known_.find(key); stored != ledger_.known_.end()) {
+      ledger_.taken_[stored->second] = true;
+      place.asked.row = ledger_.stored_[stored->second];
+      place.done = true;
+      ++ledger_.finished_;
+    } else {
+      place.asked.row.version = ledger_.options_.version;
+      const std::size_t before = ledger_.out_.rows.size() + ledger_.in_work_;
+      place.asked.row.row = ledger_.number(static_cast<std::int64_t>(before) + 1);
+    }
+    ledger_.in_work_ += place.fresh ? 1 : 0;
+    queue_.push_back(std::move(place));
+    return !queue_.back().done;
+  }
+
+  void settle() {
+    Place place = std::move(queue_.front());
+    queue_.pop_front();
+    if (place.fresh) {
+      --ledger_.in_work_;
+      const std::size_t at = ledger_.out_.rows.size();
+      ledger_.seen_.emplace(place.asked.key, at);
+      ledger_.out_.rows.push_back(std::move(place.asked.row));
+      ledger_.learn(at);
+      if (const Status told = ledger_.tell_of_better(); !told) failed_ = told.error();
+    }
+    if (ledger_.seen_.contains(place.asked.key)) known_(place.asked, place.fresh);
+  }
+
+  Ledger& ledger_;
+  std::size_t window_;
+  Next next_;
+  Known known_;
+  std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+  std::deque<Place> queue_;
+  std::size_t last_ = 0;
+  bool over_ = false;
+  std::optional<Error> failed_;
+};
+
+/// All of them at a time.
+Status Ledger::ask_rows(const std::vector<std::pair<std::string, Row>>& asked) {
+  std::size_t at = 0;
+  Work work(
+      *this, asked.size() + 1,
+      [&](const std::vector<Member>&) -> std::optional<Work::Asked> {
+        if (at == asked.size()) return std::nullopt;
+        const auto& [key, row] = asked[at++];
+        return Work::Asked{key, row, {}};
+      },
+      [](const Work::Asked&, bool) {});
+  return compute(work);
 }
 
-Status Ledger::compute(const std::vector<Row>& missing, const std::vector<std::size_t>& places,
-                       std::vector<std::pair<std::string, std::size_t>>& fresh) {
-  std::vector<bool> done(missing.size(), false);
+Status Ledger::ask_in_turn(const Stream& stream) {
+  Work work(
+      *this, stream.window,
+      [&](const std::vector<Member>& in_work) -> std::optional<Work::Asked> {
+        std::optional<Shares> u = stream.next(in_work);
+        if (!u) return std::nullopt;
+        Work::Asked out;
+        out.row.phase = stream.phase;
+        out.row.varied = varied_of(study_, *u);
+        out.key = key_of(out.row.varied);
+        out.u = std::move(*u);
+        return out;
+      },
+      [&](const Work::Asked& asked, bool fresh) {
+        stream.known({asked.u, seen_.at(asked.key)}, fresh);
+      });
+  return compute(work);
+}
+
+Status Ledger::compute(Work& work) {
   const auto begin = std::chrono::steady_clock::now();
-  POLYPOD_ASSIGN(whole, options_.crew->work(missing, incumbents_, [&](std::size_t i, Evaluation e) -> Status {
-    Row& row = out_.rows[places[i]];
-    row.evaluation = std::move(e);
-    POLYPOD_TRY(store_.add(row));
-    done[i] = true;
-    ++out_.computed;
-    ++finished_;
-    report(row.phase, begin);
-    return {};
-  }));
+  const Result<bool> whole = options_.crew->work(work);
   spent_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  if (whole) return {};
-  stopped_ = true;
-  std::set<std::size_t> absent;
-  for (std::size_t i = 0; i < missing.size(); ++i)
-    if (!done[i]) absent.insert(places[i]);
-  forget(absent, fresh);
-  return {};
-}
-
-/// After a cancellation: what is not there is as if it had not been asked for.
-void Ledger::forget(const std::set<std::size_t>& absent, std::vector<std::pair<std::string, std::size_t>>& fresh) {
-  std::vector<Row> rows;
-  std::vector<std::size_t> moved(out_.rows.size());
-  for (std::size_t i = 0; i < out_.rows.size(); ++i) {
-    moved[i] = rows.size();
-    if (!absent.contains(i)) rows.push_back(std::move(out_.rows[i]));
-  }
-  out_.rows = std::move(rows);
-  std::erase_if(seen_, [&](const auto& entry) { return absent.contains(entry.second); });
-  std::erase_if(fresh, [&](const auto& entry) { return absent.contains(entry.second); });
-  for (auto& [key, place] : seen_) place = moved[place];
-  for (auto& [key, place] : fresh) place = moved[place];
+  if (!whole) return tl::unexpected(whole.error());
+  stopped_ = stopped_ || !*whole;
+  return work.end();
 }
 
 /// The number that an uninterrupted search gives; the next free one where a longer search shares the store.

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <optional>
 #include <set>
 #include <string>
@@ -34,6 +35,17 @@ class Ledger {
   Status ask(std::vector<Member>& members, Phase phase);
   /// The same, but members stay where they are; those beyond the last evaluation lose their shares.
   Status ask_in_place(std::vector<Member>& members, Phase phase);
+  /// Candidates one after another: `next` is asked for the k-th as soon as the (k - `window`)-th is known, whatever has
+  /// been done of those between, which it gets as `in_work`; so the rows do not depend on who computes them. `known`
+  /// gets each in its order, and whether it had not been asked for before. Ends with the evaluations, or when `next`
+  /// says nothing and all are known.
+  struct Stream {
+    std::size_t window = 1;
+    Phase phase = Phase::search;
+    std::function<std::optional<Shares>(const std::vector<Member>& in_work)> next;
+    std::function<void(const Member&, bool fresh)> known;
+  };
+  Status ask_in_turn(const Stream& stream);
   /// Everything, with the rows of the store that this search did not ask for behind its own.
   Result<Outcome> end();
 
@@ -41,7 +53,10 @@ class Ledger {
   [[nodiscard]] std::size_t n() const { return study_.vary.size(); }
   [[nodiscard]] const std::vector<Row>& rows() const { return out_.rows; }
   [[nodiscard]] const Evaluation& of(const Member& m) const { return out_.rows[m.row].evaluation; }
-  [[nodiscard]] std::int64_t left() const { return study_.evaluations - static_cast<std::int64_t>(out_.rows.size()); }
+  /// Less what is being computed.
+  [[nodiscard]] std::int64_t left() const {
+    return study_.evaluations - static_cast<std::int64_t>(out_.rows.size() + in_work_);
+  }
   [[nodiscard]] bool over() const { return stopped_ || left() <= 0; }
 
   /// Where a row stands in the ranges.
@@ -59,12 +74,11 @@ class Ledger {
   std::size_t below(std::size_t n);
 
  private:
+  class Work;
   [[nodiscard]] std::string key_for(const Row& row) const;
   Status start();
   Status ask_rows(const std::vector<std::pair<std::string, Row>>& asked);
-  Status compute(const std::vector<Row>& missing, const std::vector<std::size_t>& places,
-                 std::vector<std::pair<std::string, std::size_t>>& fresh);
-  void forget(const std::set<std::size_t>& absent, std::vector<std::pair<std::string, std::size_t>>& fresh);
+  Status compute(Work& work);
   std::int64_t number(std::int64_t wanted);
   [[nodiscard]] bool counts(const Row& row) const;
   void learn(std::size_t place);
@@ -86,7 +100,8 @@ class Ledger {
   std::optional<std::size_t> incumbent_;
   double told_;  // objective of the best row that was told of, or that the store had
   double spent_ = 0;
-  int finished_ = 0;  // rows whose evaluation is there
+  std::size_t in_work_ = 0;  // rows that are not among those of out_ yet
+  int finished_ = 0;         // rows whose evaluation is there
   bool stopped_ = false;
   Outcome out_;
 };

@@ -10,6 +10,8 @@ namespace {
 
 // A model is no better for more points than this, and each step costs their cube.
 constexpr std::size_t kMostPoints = 260;
+// Of those about one place: as many, and so many for each parameter.
+constexpr std::size_t kNearest = 15, kNearestForEach = 8;
 
 struct Points {
   std::vector<Shares> u;
@@ -86,6 +88,12 @@ void snap(const Study& study, std::vector<Shares>& places) {
 
 }  // namespace
 
+double distance(const Shares& a, const Shares& b) {
+  double out = 0;
+  for (std::size_t k = 0; k < a.size(); ++k) out = std::max(out, std::abs(a[k] - b[k]));
+  return out;
+}
+
 double normal_below(double z) {
   return 0.5 * std::erfc(-z / std::numbers::sqrt2);
 }
@@ -135,6 +143,16 @@ std::vector<std::size_t> Models::rows_of(const Ledger& ledger) const {
   std::vector<std::size_t> rows;
   for (std::size_t i = 0; i < ledger.rows().size(); ++i)
     if (ledger.is_candidate(ledger.rows()[i])) rows.push_back(i);
+  if (!centre_.empty()) {
+    const std::size_t most = kNearest + kNearestForEach * centre_.size();
+    if (rows.size() <= most) return rows;
+    std::vector<double> away(ledger.rows().size());
+    for (const std::size_t i : rows) away[i] = distance(ledger.shares_of(ledger.rows()[i]), centre_);
+    std::stable_sort(rows.begin(), rows.end(), [&](std::size_t a, std::size_t b) { return away[a] < away[b]; });
+    rows.resize(most);
+    std::sort(rows.begin(), rows.end());
+    return rows;
+  }
   if (rows.size() <= kMostPoints) return rows;
   // Of a front by how many others are better in every goal.
   std::vector<std::vector<double>> goals;

@@ -19,6 +19,8 @@ class Models {
   /// From the rows, and from `believed`, candidates that are asked for already: these count as what is expected of
   /// them, so that the next one lies elsewhere. `again`: lengths of the models are looked for anew.
   void learn(const Ledger& ledger, const std::vector<Member>& believed, bool again);
+  /// From now on only the rows nearest to `centre` are learned.
+  void look_near(const Shares& centre) { centre_ = centre; }
   /// Of each thing that is wanted; empty before there are enough rows.
   [[nodiscard]] std::vector<Kriging::Guess> wanted(const std::vector<Shares>& at) const;
   /// A logarithm, one a place, and that of the chance that all holds are kept there (Schonlau 1997).
@@ -30,12 +32,15 @@ class Models {
 
   const Study& study_;
   std::vector<Figure> figures_;
+  Shares centre_;
   std::vector<const Hold*> holds_;
   std::vector<Kriging> wanted_, kept_;
   std::vector<bool> known_;  // of kept_
   bool wanted_known_ = false;
 };
 
+/// The largest difference of a parameter.
+double distance(const Shares& a, const Shares& b);
 /// The chance that a standard normal number is below z.
 double normal_below(double z);
 
@@ -57,6 +62,8 @@ class GoalScale {
 
 /// The larger the better, of each of these places.
 using Worth = std::function<Eigen::VectorXd(const std::vector<Shares>&)>;
+/// The expected improvement of the best candidate times the chance of keeping all holds; a logarithm.
+Worth expected_gain(const Ledger& ledger, const Models& models);
 /// The place of the largest worth: over all ranges and about each of `about` at every scale, then refined in some
 /// rounds. Steps and lists are kept.
 Shares most_worth(Ledger& ledger, const Worth& worth, const std::vector<Shares>& about);

@@ -99,31 +99,6 @@ bool JudgedAgain::holds_kept() const {
   return std::all_of(rows.begin(), rows.end(), [](const Row& row) { return row.evaluation.state == State::done; });
 }
 
-Result<std::optional<JudgedAgain>> judge_again(const Study& study, Store& store, const Outcome& outcome,
-                                               const EvaluateOptions& options,
-                                               const std::function<void(double)>& progress) {
-  std::vector<std::size_t> which;
-  if (outcome.best) {
-    which = {*outcome.best};
-  } else if (!study.holds.empty()) {
-    which = outcome.front;
-  }
-  if (which.empty() || !may_flatter(study)) return std::optional<JudgedAgain>{};
-  Study finer = study;
-  finer.resolution = std::min(kFinestResolution, 2 * study.resolution);
-  JudgedAgain out{finer.resolution, {}};
-  for (const std::size_t i : which) {
-    if (progress) progress(static_cast<double>(out.rows.size()) / static_cast<double>(which.size()));
-    Row row = outcome.rows[i];
-    POLYPOD_ASSIGN(evaluation, evaluate(finer, row.varied, {}, options));
-    row.evaluation = std::move(evaluation);
-    out.rows.push_back(std::move(row));
-  }
-  if (progress) progress(1);
-  POLYPOD_TRY(store.set_judged_again(out.resolution, out.rows));
-  return std::optional<JudgedAgain>(std::move(out));
-}
-
 Result<std::optional<JudgedAgain>> kept_again(const Store& store) {
   POLYPOD_ASSIGN(kept, store.judged_again());
   if (kept.second.empty()) return std::optional<JudgedAgain>{};

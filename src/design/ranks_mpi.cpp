@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <cstring>
 #include <deque>
 #include <list>
 #include <map>
 #include <mutex>
+#include <set>
 #include <thread>
 
 #include "polypod/design/ranks.hpp"
@@ -132,18 +134,19 @@ std::optional<Received> receive() {
   return Received{status.MPI_SOURCE, status.MPI_TAG, Message(std::move(bytes))};
 }
 
-/// One row to evaluate; `batch` tells late answers of an earlier batch.
-struct Task {
-  std::int64_t batch = 0, index = 0;
-  Row row;
-  Incumbents incumbents;
+/// A task; `work` tells late answers to what was asked before.
+struct Order {
+  std::int64_t work = 0;
+  Task task;
 };
 
-Message message_of(const Task& t) {
+Message message_of(const Order& order) {
+  const Task& t = order.task;
   Message m;
-  m.put(t.batch);
-  m.put(t.index);
+  m.put(order.work);
+  m.put(static_cast<std::int64_t>(t.index));
   m.put(static_cast<std::int64_t>(t.row.phase == Phase::start));
+  m.put(static_cast<std::int64_t>(t.resolution));
   m.put(t.row.varied);
   m.put(t.incumbents.objective);
   m.put(static_cast<std::int64_t>(t.incumbents.front.size()));
@@ -151,27 +154,30 @@ Message message_of(const Task& t) {
   return m;
 }
 
-Task task_of(Message& m) {
-  Task t;
-  t.batch = m.integer();
-  t.index = m.integer();
+Order order_of(Message& m) {
+  Order order;
+  Task& t = order.task;
+  order.work = m.integer();
+  t.index = static_cast<std::size_t>(m.integer());
   t.row.phase = m.integer() != 0 ? Phase::start : Phase::search;
+  t.resolution = static_cast<int>(m.integer());
   t.row.varied = m.numbers();
   t.incumbents.objective = m.number();
   t.incumbents.front.resize(static_cast<std::size_t>(m.integer()));
   for (auto& point : t.incumbents.front) point = m.numbers();
-  return t;
+  return order;
 }
 
 struct Answer {
-  std::int64_t batch = 0, index = 0;
+  std::int64_t work = 0;
+  std::size_t index = 0;
   Result<Evaluation> evaluation;
 };
 
 Message message_of(const Answer& a) {
   Message m;
-  m.put(a.batch);
-  m.put(a.index);
+  m.put(a.work);
+  m.put(static_cast<std::int64_t>(a.index));
   m.put(static_cast<std::int64_t>(a.evaluation.has_value()));
   if (!a.evaluation) {
     m.put(a.evaluation.error().id);
@@ -191,8 +197,8 @@ Message message_of(const Answer& a) {
 
 Answer answer_of(Message& m) {
   Answer a;
-  a.batch = m.integer();
-  a.index = m.integer();
+  a.work = m.integer();
+  a.index = static_cast<std::size_t>(m.integer());
   if (m.integer() == 0) {
     const std::string id = m.text();
     a.evaluation = fail(id, m.text());
@@ -220,17 +226,22 @@ class Pool {
   Pool(const Pool&) = delete;
   Pool& operator=(const Pool&) = delete;
   ~Pool() {
-    over_ = stop_ = true;
+    {
+      const std::lock_guard guard(mutex_);
+      over_ = stop_ = true;
+      there_.notify_all();
+    }
     for (std::thread& t : threads_) t.join();
   }
 
   [[nodiscard]] std::size_t size() const { return threads_.size(); }
   /// Tasks that wait or are being computed.
   [[nodiscard]] std::size_t busy() const { return busy_; }
-  void add(Task task) {
+  void add(Order order) {
     ++busy_;
     const std::lock_guard guard(mutex_);
-    tasks_.push_back(std::move(task));
+    orders_.push_back(std::move(order));
+    there_.notify_one();
   }
   std::optional<Answer> next() {
     const std::lock_guard guard(mutex_);
@@ -239,14 +250,23 @@ class Pool {
     done_.pop_front();
     return out;
   }
+  /// Until an answer is there, or a little: longer the longer nothing happens, as looking for messages costs time of a
+  /// core that computes.
+  void rest() {
+    constexpr std::chrono::microseconds kLongest(1600);
+    std::unique_lock lock(mutex_);
+    ready_.wait_for(lock, pause_, [this] { return !done_.empty(); });
+    pause_ = std::min(2 * pause_, kLongest);
+  }
+  void wake() { pause_ = kPause; }
   /// Ends what is being computed, and forgets what waits and what is done.
   void drop() {
     stop_ = true;
     while (true) {
       {
         const std::lock_guard guard(mutex_);
-        busy_ -= tasks_.size();
-        tasks_.clear();
+        busy_ -= orders_.size();
+        orders_.clear();
       }
       if (busy_ == 0) break;
       std::this_thread::sleep_for(kPause);
@@ -258,29 +278,23 @@ class Pool {
 
  private:
   void help() {
-    while (!over_) {
-      std::optional<Task> task;
-      {
-        const std::lock_guard guard(mutex_);
-        if (!tasks_.empty()) {
-          task = std::move(tasks_.front());
-          tasks_.pop_front();
-        }
-      }
-      if (!task) {
-        std::this_thread::sleep_for(kPause);
-        continue;
-      }
-      Answer a{task->batch, task->index, {}};
+    std::unique_lock lock(mutex_);
+    while (true) {
+      there_.wait(lock, [this] { return over_ || !orders_.empty(); });
+      if (over_) return;
+      const Order order = std::move(orders_.front());
+      orders_.pop_front();
+      lock.unlock();
+      Answer a{order.work, order.task.index, {}};
       try {
-        a.evaluation =
-            judge(study_, task->row, task->incumbents, {1, [this] { return stop_ || (cancelled_ && cancelled_()); }});
+        a.evaluation = judge(study_, order.task, {1, [this] { return stop_ || (cancelled_ && cancelled_()); }});
       } catch (const std::exception& e) {
         a.evaluation = fail("OP131", fmt::format("an evaluation ended by an exception: {}", e.what()), {},
                             "this is a fault of the program: please report it with the study");
       }
-      const std::lock_guard guard(mutex_);
+      lock.lock();
       done_.push_back(std::move(a));
+      ready_.notify_one();
       --busy_;
     }
   }
@@ -290,14 +304,16 @@ class Pool {
   std::atomic<bool> stop_{false}, over_{false};
   std::atomic<std::size_t> busy_{0};
   std::mutex mutex_;
-  std::deque<Task> tasks_;
+  std::condition_variable there_, ready_;
+  std::chrono::microseconds pause_ = kPause;
+  std::deque<Order> orders_;
   std::deque<Answer> done_;
   std::vector<std::thread> threads_;
 };
 
 struct Worker {
   Clock::time_point heard = Clock::now();
-  std::vector<std::int64_t> has;  ///< tasks of this batch
+  std::vector<Task> has;
   bool lost = false;
 };
 
@@ -312,38 +328,26 @@ class MpiCrew final : public Crew {
         cancelled_(cancelled),
         pool_(study, threads, std::move(cancelled)) {}
 
-  Result<bool> work(const std::vector<Row>& rows, const Incumbents& incumbents, const Taken& taken) override {
-    if (rows.size() == 1) return alone(rows, incumbents, taken);
-    ++batch_;
+  Result<bool> work(Tasks& tasks) override {
+    ++work_;
     waiting_.clear();
-    for (std::size_t i = 0; i < rows.size(); ++i) waiting_.push_back(static_cast<std::int64_t>(i));
-    std::vector<bool> done(rows.size(), false);
-    std::size_t left = rows.size();
+    done_.clear();
+    out_ = 0;
     std::optional<Error> failed;
-    const auto task = [&](std::int64_t i) { return Task{batch_, i, rows[static_cast<std::size_t>(i)], incumbents}; };
-    const auto take = [&](Answer a) {
-      const auto i = static_cast<std::size_t>(a.index);
-      if (a.batch != batch_ || done[i]) return;  // late
-      done[i] = true;
-      --left;
-      if (!a.evaluation) {
-        failed = a.evaluation.error();
-      } else if (const Status status = taken(i, std::move(*a.evaluation)); !status) {
-        failed = status.error();
+    while (!failed) {
+      fetch(tasks);
+      if (out_ + waiting_.size() == 0) break;
+      if (out_ == 0 && waiting_.size() == 1) {  // what comes one after the other needs no messages
+        const Task task = next();
+        auto done = judge(study_, task, {static_cast<int>(each_), cancelled_});
+        failed = done ? status_of(tasks.taken(task.index, std::move(*done))) : done.error();
+        continue;
       }
-    };
-    while (left > 0 && !failed) {
+      hand_out();
       bool idle = true;
-      while (!waiting_.empty() && pool_.busy() < pool_.size()) pool_.add(task(next()));
-      for (auto& [rank, worker] : workers_) {
-        while (!waiting_.empty() && !worker.lost && worker.has.size() < each_) {
-          worker.has.push_back(next());
-          outbox_.send(rank, kTask, message_of(task(worker.has.back())));
-        }
-      }
       while (auto a = pool_.next()) {
         idle = false;
-        take(std::move(*a));
+        if (!failed) failed = take(std::move(*a), tasks);
       }
       while (auto r = receive()) {
         idle = false;
@@ -352,12 +356,12 @@ class MpiCrew final : public Crew {
         worker.lost = false;
         if (r->tag != kResult) continue;
         Answer a = answer_of(r->message);
-        if (a.batch == batch_) std::erase(worker.has, a.index);
-        take(std::move(a));
+        if (a.work == work_) std::erase_if(worker.has, [&](const Task& t) { return t.index == a.index; });
+        if (!failed) failed = take(std::move(a), tasks);
       }
       look_for_lost();
       if (cancelled_ && cancelled_() && !failed) failed = Error{kCancelled, "cancelled", {}, {}};
-      if (idle) std::this_thread::sleep_for(kPause);
+      idle ? pool_.rest() : pool_.wake();
     }
     for (auto& [rank, worker] : workers_) {
       worker.has.clear();
@@ -370,17 +374,46 @@ class MpiCrew final : public Crew {
   }
 
  private:
-  /// What comes one after the other needs no messages.
-  Result<bool> alone(const std::vector<Row>& rows, const Incumbents& incumbents, const Taken& taken) const {
-    auto done = judge(study_, rows[0], incumbents, {static_cast<int>(each_), cancelled_});
-    if (!done && done.error().id == kCancelled) return false;
-    if (!done) return tl::unexpected(done.error());
-    POLYPOD_TRY(taken(0, std::move(*done)));
-    return true;
+  static std::optional<Error> status_of(const Status& status) {
+    return status ? std::nullopt : std::optional<Error>(status.error());
   }
 
-  std::int64_t next() {
-    const std::int64_t out = waiting_.front();
+  /// One more than is being computed at a time, so that no rank waits while the next one is chosen.
+  void fetch(Tasks& tasks) {
+    const auto ranks =
+        1 + std::count_if(workers_.begin(), workers_.end(), [](const auto& w) { return !w.second.lost; });
+    const std::size_t most = static_cast<std::size_t>(ranks) * each_ + 1;
+    while (out_ + waiting_.size() < most) {
+      std::optional<Task> task = tasks.next();
+      if (!task) return;
+      waiting_.push_back(std::move(*task));
+    }
+  }
+
+  void hand_out() {
+    while (!waiting_.empty() && pool_.busy() < pool_.size()) {
+      pool_.add({work_, next()});
+      ++out_;
+    }
+    for (auto& [rank, worker] : workers_) {
+      while (!waiting_.empty() && !worker.lost && worker.has.size() < each_) {
+        worker.has.push_back(next());
+        ++out_;
+        outbox_.send(rank, kTask, message_of(Order{work_, worker.has.back()}));
+      }
+    }
+  }
+
+  std::optional<Error> take(Answer a, Tasks& tasks) {
+    if (a.work != work_ || !done_.insert(a.index).second) return {};  // late, or twice
+    const bool waited = std::erase_if(waiting_, [&](const Task& t) { return t.index == a.index; }) > 0;
+    if (!waited) --out_;  // else it is of a rank that was taken for lost
+    if (!a.evaluation) return a.evaluation.error();
+    return status_of(tasks.taken(a.index, std::move(*a.evaluation)));
+  }
+
+  Task next() {
+    Task out = std::move(waiting_.front());
     waiting_.pop_front();
     return out;
   }
@@ -389,7 +422,11 @@ class MpiCrew final : public Crew {
     for (auto& [rank, worker] : workers_) {
       if (worker.lost || Clock::now() - worker.heard < kSilence) continue;
       worker.lost = true;
-      for (const std::int64_t i : worker.has) waiting_.push_front(i);
+      for (Task& task : worker.has) {
+        if (done_.contains(task.index)) continue;
+        --out_;
+        waiting_.push_front(std::move(task));
+      }
       worker.has.clear();
     }
   }
@@ -400,8 +437,10 @@ class MpiCrew final : public Crew {
   std::size_t each_;
   std::function<bool()> cancelled_;
   Pool pool_;
-  std::int64_t batch_ = 0;
-  std::deque<std::int64_t> waiting_;
+  std::int64_t work_ = 0;
+  std::deque<Task> waiting_;
+  std::set<std::size_t> done_;
+  std::size_t out_ = 0;  ///< tasks that are being computed
 };
 
 class MpiRanks final : public Ranks {
@@ -462,7 +501,7 @@ class MpiRanks final : public Ranks {
           return {};
         }
         if (r->tag == kCancel && pool) pool->drop();
-        if (r->tag == kTask && pool) pool->add(task_of(r->message));
+        if (r->tag == kTask && pool) pool->add(order_of(r->message));
         if (r->tag == kStudy) {
           const std::string text = r->message.text(), file = r->message.text(), machine = r->message.text();
           POLYPOD_ASSIGN(read, study_from_text(text, file, machine));
@@ -481,7 +520,9 @@ class MpiRanks final : public Ranks {
         send(0, kAlive);
         spoke = Clock::now();
       }
-      if (idle) std::this_thread::sleep_for(kPause);
+      if (!idle && pool) pool->wake();
+      if (idle && pool) pool->rest();
+      if (idle && !pool) std::this_thread::sleep_for(kPause);
     }
     return {};
   }

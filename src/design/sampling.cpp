@@ -98,7 +98,7 @@ Result<StudySensitivity> study_sensitivity(const Study& study, Store& store, Sen
   bool whole = true;
   if (!missing.empty()) {
     const std::unique_ptr<Crew> crew = thread_crew(open, options.threads, options.cancelled);
-    POLYPOD_ASSIGN(worked, crew->work(missing, {}, [&](std::size_t i, Evaluation e) -> Status {
+    POLYPOD_ASSIGN(worked, crew->work(missing, 0, [&](std::size_t i, Evaluation e) -> Status {
       Row& row = missing[i];
       row.evaluation = std::move(e);
       POLYPOD_TRY(store.add_sample(row));

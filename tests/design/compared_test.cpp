@@ -54,8 +54,9 @@ TEST(Compared, StandsBesideTheBest) {
   ASSERT_TRUE(store) << to_string(store.error());
   const auto found = optimize(s, *store, {});
   ASSERT_TRUE(found) << to_string(found.error());
-  const auto rows = judge_compared(s, *store, {}, {});
-  ASSERT_TRUE(rows) << to_string(rows.error());
+  const auto judged = judge_finer(s, *store, {}, *thread_crew(s, 2, {}));
+  ASSERT_TRUE(judged) << to_string(judged.error());
+  const Known* rows = &judged->known;
   ASSERT_EQ(rows->rows.size(), 4U);
   const std::optional<JudgedAgain> none;
   const Answer answer{s, found->rows, none};
@@ -72,12 +73,12 @@ TEST(Compared, StandsBesideTheBest) {
   // They are no candidates, and the store keeps them for this list alone.
   EXPECT_EQ(store->rows()->size(), found->rows.size());
   EXPECT_EQ(kept_compared(*store)->rows.size(), 4U);
-  const auto again = judge_compared(s, *store, {}, {});
+  const auto again = judge_finer(s, *store, {}, *thread_crew(s, 2, {}));
   ASSERT_TRUE(again);
-  EXPECT_EQ(again->rows[0].evaluation.seconds, rows->rows[0].evaluation.seconds);  // not computed again
+  EXPECT_EQ(again->known.rows[0].evaluation.seconds, rows->rows[0].evaluation.seconds);  // not computed again
   Study other = s;
   other.compared.resize(1);
-  EXPECT_EQ(judge_compared(other, *store, {}, {})->rows.size(), 1U);
+  EXPECT_EQ(judge_finer(other, *store, {}, *thread_crew(other, 2, {}))->known.rows.size(), 1U);
   EXPECT_EQ(kept_compared(*store)->rows.size(), 4U);  // of the longer list, which is that of the store
 }
 
@@ -148,14 +149,18 @@ TEST(Compared, IsJudgedAsTheAnswerIs) {
   const Folder folder;
   auto store = Store::open(folder / "a", s, "", "1.0");
   ASSERT_TRUE(store);
-  Row best;
+  Outcome found;
+  found.best = 0;
+  Row& best = found.rows.emplace_back();
   best.row = 7;
   best.varied = {44};
   best.evaluation = *evaluate(s, best.varied, {}, {});
-  const std::vector<Row> rows{best};
-  std::optional<JudgedAgain> again = JudgedAgain{16, {best}};
-  const auto known = judge_compared(s, *store, again, {});
-  ASSERT_TRUE(known);
+  const std::vector<Row>& rows = found.rows;
+  auto judged = judge_finer(s, *store, found, *thread_crew(s, 2, {}));
+  ASSERT_TRUE(judged && judged->again);
+  const Known* known = &judged->known;
+  std::optional<JudgedAgain>& again = judged->again;
+  EXPECT_EQ(again->rows[0].row, 7);
   EXPECT_EQ(known->resolution, 16);
   Study finer = s;
   finer.resolution = 16;
@@ -168,7 +173,7 @@ TEST(Compared, IsJudgedAsTheAnswerIs) {
   again->rows[0].evaluation.state = State::violates;
   EXPECT_EQ(standing_of({s, rows, again}, known->rows[0]).is, Standing::Is::better);
   // Judged with another survey: computed anew.
-  EXPECT_EQ(judge_compared(s, *store, {}, {})->resolution, 8);
+  EXPECT_EQ(judge_finer(s, *store, {}, *thread_crew(s, 2, {}))->known.resolution, 8);
 }
 
 /// What a study compares with may change; the search goes on from its rows, and a reader sees the new list.
@@ -185,7 +190,7 @@ TEST(Compared, ANewListKeepsTheSearch) {
     const Study s = study_on_strut(more);
     auto store = Store::open(folder / "a", s, "machine = \"strut\"\n" + more, "1.0");
     ASSERT_TRUE(store) << to_string(store.error());
-    ASSERT_TRUE(judge_compared(s, *store, {}, {}));
+    ASSERT_TRUE(judge_finer(s, *store, {}, *thread_crew(s, 2, {})));
     ASSERT_TRUE(store->close());
   }
   {

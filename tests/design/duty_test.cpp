@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "polypod/core/random.hpp"
-#include "polypod/design/optimize.hpp"
+#include "polypod/design/compared.hpp"
 #include "studies.hpp"
 
 namespace polypod::design {
@@ -66,38 +66,39 @@ TEST(Duty, AFinerSurveyJudgesAgain) {
     found.rows.push_back(std::move(row));
   }
   found.front = {0, 1};
-  const auto again = judge_again(*s, *store, found, {});
-  ASSERT_TRUE(again && *again);
-  EXPECT_EQ((*again)->resolution, 16);
-  ASSERT_EQ((*again)->rows.size(), 2U);
-  EXPECT_EQ((*again)->rows[1].row, 8);
-  EXPECT_TRUE((*again)->holds_kept());
-  const double finer = (*again)->rows[0].evaluation.figures[0].value;
+  const auto judged = judge_finer(*s, *store, found, *thread_crew(*s, 2, {}));
+  ASSERT_TRUE(judged && judged->again);
+  const JudgedAgain& again = *judged->again;
+  EXPECT_EQ(again.resolution, 16);
+  ASSERT_EQ(again.rows.size(), 2U);
+  EXPECT_EQ(again.rows[1].row, 8);
+  EXPECT_TRUE(again.holds_kept());
+  const double finer = again.rows[0].evaluation.figures[0].value;
   EXPECT_NE(finer, coarse.figures[0].value);
   // The store keeps it until another search begins.
   const auto kept_now = kept_again(*store);
   ASSERT_TRUE(kept_now && *kept_now);
   EXPECT_EQ((*kept_now)->resolution, 16);
-  EXPECT_EQ((*kept_now)->rows[1].evaluation.figures[0].value, (*again)->rows[1].evaluation.figures[0].value);
+  EXPECT_EQ((*kept_now)->rows[1].evaluation.figures[0].value, again.rows[1].evaluation.figures[0].value);
   ASSERT_TRUE(store->set_judged_again(0, {}));
   EXPECT_FALSE(*kept_again(*store));
   s->resolution = 16;
   EXPECT_EQ(evaluated(*s, 50).figures[0].value, finer);
-  EXPECT_EQ(evaluated(*s, 44).figures[0].value, (*again)->rows[1].evaluation.figures[0].value);
+  EXPECT_EQ(evaluated(*s, 44).figures[0].value, again.rows[1].evaluation.figures[0].value);
   // A hold between the two: kept by the one, broken by the other.
   s->resolution = 8;
   s->holds[0].max = 0.5 * (coarse.figures[0].value + finer);
   const bool kept = evaluated(*s, 50).state == State::done;
   found.best = 0;
-  const auto best = judge_again(*s, *store, found, {});
-  ASSERT_TRUE(best && *best);
-  EXPECT_EQ((*best)->rows.size(), 1U);
-  EXPECT_NE((*best)->holds_kept(), kept);
-  EXPECT_FALSE(*judge_again(*s, *store, {}, {}));
+  const auto best = judge_finer(*s, *store, found, *thread_crew(*s, 2, {}));
+  ASSERT_TRUE(best && best->again);
+  EXPECT_EQ(best->again->rows.size(), 1U);
+  EXPECT_NE(best->again->holds_kept(), kept);
+  EXPECT_FALSE(judge_finer(*s, *store, {}, *thread_crew(*s, 2, {}))->again);
   // Nothing of a survey: nothing to judge again.
   const auto still = study(at_home(44) + kRadius + goal("longest_leg_mm", "min"), kStrut);
   ASSERT_TRUE(still);
-  EXPECT_FALSE(*judge_again(*still, *store, found, {}));
+  EXPECT_FALSE(judge_finer(*still, *store, found, *thread_crew(*still, 2, {}))->again);
 }
 
 /// Six equal struts under a force along the axis of symmetry: each carries F / (6 cos g), cos g = h / 70, and the tip

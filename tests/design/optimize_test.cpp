@@ -136,12 +136,44 @@ double hills(const std::vector<double>& u) {
   return std::max({inside, ends, broad, 1e-3});
 }
 
-Study five_parameters(int evaluations, int seed, const char* search) {
+Study five_parameters(int evaluations, int seed, const char* search, const char* other_goal = nullptr) {
   std::string text = fmt::format("evaluations = {}\nseed = {}\nsearch = \"{}\"\n", evaluations, seed, search);
   for (const char* key :
        {"base.radius_mm", "platform.radius_mm", "platform.pair_angle_deg", "tool.length_mm", "base.pair_angle_deg"})
     text += fmt::format("[[vary]]\nkey = \"{}\"\nmin = 5\nmax = 60\n", key);
-  return study_on_strut(text + "[[goal]]\nfigure = \"height_mm\"\nsense = \"min\"\n");
+  for (const char* goal : {"height_mm", other_goal})
+    if (goal != nullptr) text += fmt::format("[[goal]]\nfigure = \"{}\"\nsense = \"min\"\n", goal);
+  return study_on_strut(text);
+}
+
+/// The rows follow from those before them, not from how many are computed at a time and which of them is done first.
+TEST(Optimize, SameRowsInWhateverOrderTheyAreDone) {
+  const Folder folder;
+  int number = 0;
+  const auto rows = [&](const Study& s, std::size_t at_a_time) {
+    auto store = Store::open(folder / std::to_string(++number), s, "", "1.0");
+    EXPECT_TRUE(store);
+    const auto goals = s.goals.size();
+    KnownCrew crew(
+        s,
+        [&](const std::vector<double>& u) {
+          return goals == 1 ? std::vector<double>{1 / hills(u)} : std::vector<double>{1 / hills(u), 1 + u[0] * u[1]};
+        },
+        -1, at_a_time);
+    OptimizeOptions options;
+    options.crew = &crew;
+    const auto o = optimize(s, *store, options);
+    EXPECT_TRUE(o);
+    EXPECT_EQ(o->asked, 80U);
+    return lines_of(o->rows);
+  };
+  for (const char* search : {"evolution", "models"}) {
+    for (const bool front : {false, true}) {
+      const Study s = five_parameters(80, 3, search, front ? "footprint_mm2" : nullptr);
+      const auto one = rows(s, 1);
+      for (const std::size_t at_a_time : {2, 3, 9, 100}) EXPECT_EQ(rows(s, at_a_time), one) << search << front;
+    }
+  }
 }
 
 TEST(Optimize, SeveralStartsSayHowTheyEnded) {

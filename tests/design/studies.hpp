@@ -51,17 +51,29 @@ inline Study study_on_strut(const std::string& text) {
 }
 
 /// Candidates that are worth what a function of their shares of the ranges says, in the order of Study::figures(), with
-/// an objective where the study has one.
+/// an objective where the study has one. As many as `at_a_time` are fetched, and done in any order.
 class KnownCrew final : public Crew {
  public:
   using Function = std::function<std::vector<double>(const std::vector<double>&)>;
-  KnownCrew(const Study& study, Function f, int most = -1) : study_(study), f_(std::move(f)), left_(most) {}
+  KnownCrew(const Study& study, Function f, int most = -1, std::size_t at_a_time = 1)
+      : study_(study), f_(std::move(f)), left_(most), at_a_time_(at_a_time) {}
 
-  Result<bool> work(const std::vector<Row>& rows, const Incumbents& /*incumbents*/, const Taken& taken) override {
-    for (std::size_t i = 0; i < rows.size(); ++i) {
+  using Crew::work;
+  Result<bool> work(Tasks& tasks) override {
+    std::vector<Task> in_work;
+    while (true) {
+      while (in_work.size() < at_a_time_) {
+        auto task = tasks.next();
+        if (!task) break;
+        in_work.push_back(std::move(*task));
+      }
+      if (in_work.empty()) return true;
       if (left_-- == 0) return false;
+      const auto which = in_work.begin() + static_cast<std::ptrdiff_t>(order_() % in_work.size());
+      const Task task = *which;
+      in_work.erase(which);
       std::vector<double> u;
-      for (std::size_t k = 0; k < study_.vary.size(); ++k) u.push_back(study_.vary[k].share_of(rows[i].varied[k]));
+      for (std::size_t k = 0; k < study_.vary.size(); ++k) u.push_back(study_.vary[k].share_of(task.row.varied[k]));
       Evaluation e;
       e.state = State::done;
       e.violation = 0;
@@ -71,15 +83,16 @@ class KnownCrew final : public Crew {
         e.figures.push_back(v);
       }
       e.objective = objective_of(study_, e.figures);
-      POLYPOD_TRY(taken(i, std::move(e)));
+      POLYPOD_TRY(tasks.taken(task.index, std::move(e)));
     }
-    return true;
   }
 
  private:
   const Study& study_;
   Function f_;
   int left_;  // evaluations until it is cancelled; negative: it is not
+  std::size_t at_a_time_;
+  std::mt19937 order_{1};
 };
 
 /// The least rectangle round the machine that is at least 2500 mm2, figures that take no workspace.

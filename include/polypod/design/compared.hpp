@@ -11,7 +11,7 @@
 
 namespace polypod::design {
 
-/// What a search found: its rows, and what a finer survey says of the answer (judge_again).
+/// What a search found: its rows, and what a finer survey says of the answer.
 struct Answer {
   const Study& study;
   const std::vector<Row>& rows;
@@ -24,10 +24,18 @@ struct Known {
   int resolution = 0;  ///< of the survey
   std::vector<Row> rows;
 };
-/// The store keeps each as it is done, and what it has of the same values is not computed again. `progress` gets the
-/// share that is done. Errors: WS110 (cancelled), those of the store.
-Result<Known> judge_compared(const Study& study, Store& store, const std::optional<JudgedAgain>& again,
-                             const EvaluateOptions& options, const std::function<void(double)>& progress = {});
+
+/// A search judged to its end.
+struct Judged {
+  std::optional<JudgedAgain> again;
+  Known known;
+};
+/// The answer over a finer survey: the best; without one the points of the front where the study has holds that they
+/// may break; none where no figure or hold is of a survey, and of cells. And Study::compared over the same survey, all
+/// of them at a time. The store keeps both, and what it has of a known machine is not computed again. `progress` gets
+/// the share that is done. Errors: WS110 (cancelled), those of the store.
+Result<Judged> judge_finer(const Study& study, Store& store, const Outcome& outcome, Crew& crew,
+                           const std::function<void(double)>& progress = {});
 /// What the store has of them: no rows where the study compares with others now, or not all are done.
 Result<Known> kept_compared(const Store& store);
 

@@ -27,7 +27,7 @@ struct OptimizeOptions {
   std::string version;
   std::function<bool()> cancelled;
   std::function<void(const SearchProgress&)> progress;
-  /// After each batch in which a row became the best of all that the store has.
+  /// When a row became the best of all that the store has.
   std::function<Status(const Row&)> better;
 };
 
@@ -36,7 +36,7 @@ struct OptimizeOptions {
 struct Start {
   int evaluations = 0;     ///< that it asked first; what an earlier one had asked costs none
   std::int64_t row = 0;    ///< Row::row of the best that it met, which an earlier start may have met first
-  bool by_itself = false;  ///< its steps fell below 1e-4 of the ranges; false: its share of the evaluations was used up
+  bool by_itself = false;  ///< its box fell below 1e-4 of the ranges; false: its share of the evaluations was used up
 };
 
 struct Outcome {
@@ -52,25 +52,27 @@ struct Outcome {
 
 /// Looks for the machine with the largest objective that keeps all holds, or for the front of the goals.
 ///
-/// Few evaluations (up to 600, of at most 20 parameters) or Search::models: a Latin hypercube, then batches where
+/// Few evaluations (up to 600, of at most 20 parameters) or Search::models: a Latin hypercube, then candidates where
 /// Kriging models of what is wanted and of the holds expect the most (Jones 1998; of a front along drawn directions,
 /// Zhang and Golovin 2020), of one objective then what is nearest to the best, as below.
 ///
 /// Many evaluations or Search::evolution, one objective: a Latin hypercube, then differential evolution
 /// (current-to-pbest/1 with success-history adaptation and a shrinking population: Tanabe and Fukunaga 2014), a
-/// parameter beyond its range set to its end. Then from the best: neighbouring steps, the ends of each range, and the
-/// subplex method (Rowan 1990, of NLopt). That is one start; up to five of them, each with a sample of its own, share
-/// four fifths of the evaluations, and the best goes on with the rest (50 evaluations a start and 3 for each parameter
-/// are the least). What is left then goes to further starts. A front: NSGA-II (Deb 2002).
+/// parameter beyond its range set to its end. Then from the best: neighbouring steps, the ends of each range, and a
+/// trust region with models of what lies about it (Eriksson et al. 2019). That is one start; up to five of them, each
+/// with a sample of its own, share four fifths of the evaluations, and the best goes on with the rest (50 evaluations a
+/// start and 3 for each parameter are the least). What is left then goes to further starts. A front: NSGA-II (Deb
+/// 2002).
 ///
 /// A candidate that keeps all holds is better than one that does not, of two that do not the one that breaks them less
 /// (Deb 2000). Where all parameters have steps or lists and all combinations fit into the evaluations, all are tried
 /// instead. The first member of the first sample is the start, moved into the ranges.
 ///
-/// No claim is made that no better machine exists. The search asks in batches whose size does not depend on the number
-/// of threads, and what is compared within a batch are the incumbents from before it; so the same study gives the same
-/// rows. A run that was broken off is repeated from the rows of the store, which are taken as they are, until the first
-/// that is not there. Errors: those of the store; WS110 is none: the outcome is not complete then.
+/// No claim is made that no better machine exists. A candidate, and the incumbents that it is compared with, follow
+/// from all rows but the last few, a number that does not depend on that of the threads, whatever is done of those; so
+/// the same study gives the same rows. A run that was broken off is repeated from the rows of the store, which are
+/// taken as they are, until the first that is not there. Errors: those of the store; WS110 is none: the outcome is not
+/// complete then.
 Result<Outcome> optimize(const Study& study, Store& store, const OptimizeOptions& options);
 
 /// The starts of the last search that the store has; none where it was broken off. Errors: those of the store.
@@ -79,19 +81,13 @@ Result<std::vector<Start>> kept_starts(const Store& store);
 std::string in_words(const std::vector<Start>& starts, const std::vector<Row>& rows);
 
 /// Rows judged again over a survey with twice as many points a side (512 at most): a search finds machines that the
-/// points of its own survey flatter.
+/// points of its own survey flatter (judge_finer).
 struct JudgedAgain {
   int resolution = 0;
   std::vector<Row> rows;  ///< with their numbers in the study and what the finer survey says of them
   /// Whether each of them keeps all holds.
   [[nodiscard]] bool holds_kept() const;
 };
-/// The answer of a search judged again, and kept in the store: the best; without one the points of the front where the
-/// study has holds that they may break. None where no figure or hold is of a survey, and of cells. `progress` gets the
-/// share that is done. Errors: WS110 (cancelled), those of the store.
-Result<std::optional<JudgedAgain>> judge_again(const Study& study, Store& store, const Outcome& outcome,
-                                               const EvaluateOptions& options,
-                                               const std::function<void(double)>& progress = {});
 /// What the store has of it; none since a search went on. Errors: those of the store.
 Result<std::optional<JudgedAgain>> kept_again(const Store& store);
 
