@@ -15,6 +15,7 @@
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machining/accept.hpp"
@@ -112,15 +113,7 @@ std::optional<Header> header_of(const post::Path& path) {
 /// own, and of a long line the beginning.
 bool is_name(std::string_view written, const std::string& machine) {
   constexpr std::string_view kCut = " ...";
-  const auto plain = [](std::string_view text) {
-    std::string out = one_line(text);
-    for (char& c : out) {
-      const std::size_t at = std::string_view("%();").find(c);
-      if (at != std::string_view::npos) c = "_[],"[at];
-    }
-    return out;
-  };
-  const std::string was = plain(written), is = plain(machine);
+  const std::string was = gcode::comment_text(std::string(written), false), is = gcode::comment_text(machine, false);
   if (was.ends_with(kCut)) return is.starts_with(was.substr(0, was.size() - kCut.size()));
   return was == is;
 }

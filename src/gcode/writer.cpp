@@ -613,10 +613,6 @@ std::string with_path_control(const Block& block, const std::string& words) {
   return edit.line();
 }
 
-namespace {
-
-/// A text as it can stand in a comment, whatever it holds: LinuxCNC refuses lines of more than 255 bytes, and some
-/// controllers take a `%` anywhere as the end of the program and a `;` inside of parentheses as a comment.
 std::string comment_text(const std::string& line, bool semicolon) {
   constexpr std::size_t kLongest = 240;
   std::string text = one_line(line);
@@ -629,8 +625,6 @@ std::string comment_text(const std::string& line, bool semicolon) {
   while ((static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;  // a whole character of UTF-8
   return text.substr(0, end) + " ...";
 }
-
-}  // namespace
 
 Program with_header(const Program& program, std::span<const std::string> lines, const std::string& code) {
   Program result;

@@ -2,6 +2,7 @@
 #include "polypod/kinematics/any_machine.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <bit>
@@ -323,9 +324,7 @@ std::string reason_of(const AnyMachine& machine, const InverseResult& result) {
   const auto best = std::min_element(
       result.solutions.begin(), result.solutions.end(),
       [](const Solution& a, const Solution& b) { return std::popcount(a.violations) < std::popcount(b.violations); });
-  std::string out;
-  for (const std::string& name : limit_names(machine, best->violations)) out += (out.empty() ? "" : ", ") + name;
-  return out;
+  return fmt::format("{}", fmt::join(limit_names(machine, best->violations), ", "));
 }
 
 JacobianMatrix jacobian(const AnyMachine& machine, const Pose& X_MT, const JointVector& q) {

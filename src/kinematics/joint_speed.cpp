@@ -2,6 +2,7 @@
 #include "polypod/kinematics/joint_speed.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <Eigen/QR>
 #include <algorithm>
@@ -133,6 +134,28 @@ std::string largest_change(const AnyMachine& machine, const JointVector& change)
   const double most = change.cwiseAbs().maxCoeff(&joint);
   return joint_kind(machine, joint) == JointKind::revolute ? fmt::format("{:.1f} deg", units::to_deg(most))
                                                            : fmt::format("{:.1f} mm", units::to_mm(most));
+}
+
+std::string broken_in_posture(const AnyMachine& machine, const InverseResult& inverse, const JointVector& from,
+                              double jump) {
+  const auto change = [&](const Solution& s) { return (s.joints - from).cwiseAbs().maxCoeff(); };
+  const auto near = std::min_element(inverse.solutions.begin(), inverse.solutions.end(),
+                                     [&](const Solution& a, const Solution& b) { return change(a) < change(b); });
+  if (near == inverse.solutions.end() || change(*near) > jump) return {};
+  return fmt::format("{}", fmt::join(limit_names(machine, near->violations), ", "));
+}
+
+std::string cannot_start(const AnyMachine& machine, const JointVector& joints) {
+  for (int i = 0; i < static_cast<int>(joints.size()); ++i) {
+    constexpr double kRounded = 1e-9;
+    const machine::JointRange range = joint_range(machine, i);
+    if (joints[i] >= range.min - kRounded && joints[i] <= range.max + kRounded) continue;
+    const bool turns = joint_kind(machine, i) == machine::JointKind::revolute;
+    const auto shown = [&](double value) { return turns ? units::to_deg(value) : units::to_mm(value); };
+    return fmt::format("joint {} cannot start at {:.7g} {}: its limits are {:.7g} and {:.7g}", i + 1, shown(joints[i]),
+                       turns ? "deg" : "mm", shown(range.min), shown(range.max));
+  }
+  return {};
 }
 
 std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, const std::vector<double>& limits) {

@@ -144,20 +144,6 @@ class Demands {
   Worst speed_, acceleration_, between_;  // of this move
 };
 
-/// What the machine breaks where it goes on in its posture, the limits by name; empty where no solution is near.
-std::string limits_of_posture(const machine::AnyMachine& machine, const kinematics::InverseResult& inverse,
-                              const machine::JointVector& last) {
-  const auto change = [&](const kinematics::Solution& s) { return (s.joints - last).cwiseAbs().maxCoeff(); };
-  const auto near = std::min_element(
-      inverse.solutions.begin(), inverse.solutions.end(),
-      [&](const kinematics::Solution& a, const kinematics::Solution& b) { return change(a) < change(b); });
-  if (near == inverse.solutions.end() || near->violations == 0 || change(*near) > kJump) return {};
-  std::string out;
-  for (const std::string& name : kinematics::limit_names(machine, near->violations))
-    out += (out.empty() ? "" : ", ") + name;
-  return out;
-}
-
 }  // namespace
 
 std::vector<std::string> starting_branches(const machine::AnyMachine& machine, const Pose& X_MW,
@@ -268,7 +254,8 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         const auto closely = kinematics::followed(machine, last, way, kJump);
         jumps = !closely.has_value();
         if (closely) joints = *closely;
-        if (const std::string broken = jumps ? limits_of_posture(machine, inverse, last) : ""; !broken.empty()) {
+        if (const std::string broken = jumps ? kinematics::broken_in_posture(machine, inverse, last, kJump) : "";
+            !broken.empty()) {
           problem(limit, "limit",
                   fmt::format("{}: in the posture that it has the machine cannot go on, {}", where(), broken));
         } else if (jumps) {

@@ -11,6 +11,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/kinematics/posture.hpp"
 #include "polypod/machine/urdf.hpp"
 #include "polypod/statics/compliance.hpp"
@@ -143,23 +144,6 @@ Result<std::vector<double>> by_joint(const config::Table& table, const std::stri
   return out;
 }
 
-/// The machine must be able to stand where `start_joints` has it.
-Status can_start(const config::Table& table, const machine::AnyMachine& machine, const std::vector<double>& start) {
-  for (std::size_t i = 0; i < start.size(); ++i) {
-    constexpr double kRounded = 1e-9;  // of limits written as decimals
-    const auto joint = static_cast<int>(i);
-    const machine::JointRange range = kinematics::joint_range(machine, joint);
-    if (start[i] >= range.min - kRounded && start[i] <= range.max + kRounded) continue;
-    const bool turns = kinematics::joint_kind(machine, joint) == machine::JointKind::revolute;
-    const auto shown = [&](double value) { return turns ? units::to_deg(value) : units::to_mm(value); };
-    return fail("MC401",
-                fmt::format("start_joints: joint {} cannot start at {:.7g} {}: its limits are {:.7g} and {:.7g}", i + 1,
-                            shown(start[i]), turns ? "deg" : "mm", shown(range.min), shown(range.max)),
-                table.place_of("start_joints"), "give the joints where the machine stands before the program");
-  }
-  return {};
-}
-
 }  // namespace
 
 Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vector<std::string>& files,
@@ -267,7 +251,12 @@ Result<Job> read_job(const std::string& path) {
   POLYPOD_ASSIGN(accelerations, by_joint(table, "joint_accelerations", job.machine, true));
   job.joint_accelerations = std::move(accelerations);
   POLYPOD_ASSIGN(start, by_joint(table, "start_joints", job.machine, false));
-  POLYPOD_TRY(can_start(table, job.machine, start));
+  if (const std::string fault = kinematics::cannot_start(
+          job.machine, Eigen::Map<const Eigen::VectorXd>(start.data(), static_cast<Eigen::Index>(start.size())));
+      !fault.empty()) {
+    return fail("MC401", "start_joints: " + fault, table.place_of("start_joints"),
+                "give the joints where the machine stands before the program");
+  }
   job.start_joints = std::move(start);
   POLYPOD_ASSIGN(branch, table.optional_text("branch", ""));
   job.posture = std::move(branch);

@@ -362,7 +362,7 @@ class Planner {
       problem(step.line, "singular", fmt::format("{}: {}", where(), in_words(at)));
     }
     if (follows && !lost_) {
-      if (!judged_by_speed) name_jump(step, joints - q_, where());
+      if (!judged_by_speed) name_jump(step, inverse, joints, where());
     } else if (!follows && out_.branch.empty()) {
       out_.branch = kinematics::branch_name(machine_, best->branch);
     }
@@ -426,8 +426,10 @@ class Planner {
     }
   }
 
-  /// A joint that jumps by whole turns has come to the end of its range; any other jump changes the posture.
-  void name_jump(const Step& step, const JointVector& change, const std::string& where) {
+  /// A joint that jumps by whole turns has come to the end of its range; any other jump changes the posture, because of
+  /// a limit or past a singular pose.
+  void name_jump(const Step& step, const InverseResult& inverse, const JointVector& joints, const std::string& where) {
+    const JointVector change = joints - q_;
     int joint = 0;
     const double jump = change.cwiseAbs().maxCoeff(&joint);
     if (jump <= kJump) return;
@@ -437,6 +439,10 @@ class Planner {
         rest[i] = std::remainder(rest[i], 2 * std::numbers::pi);
     }
     if (rest.cwiseAbs().maxCoeff() > kJump) {
+      if (const std::string broken = kinematics::broken_in_posture(machine_, inverse, q_, kJump); !broken.empty()) {
+        return problem(step.line, "limit",
+                       fmt::format("{}: in the posture that it has the machine cannot go on, {}", where, broken));
+      }
       return problem(step.line, "branch",
                      fmt::format("{}: a joint would jump by {}", where, kinematics::largest_change(machine_, change)));
     }
@@ -627,18 +633,10 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     return fail("PO127", fmt::format("{} start joints for {} joints", options.start_joints->size(), joints), {},
                 "give one a joint that moves, in the order of `polypod info`");
   }
-  constexpr double kRounded = 1e-9;  // of limits written as decimals
-  for (std::size_t i = 0; options.start_joints && i < joints; ++i) {
-    const auto joint = static_cast<int>(i);
-    const machine::JointRange range = kinematics::joint_range(configuration.machine, joint);
-    const double q = (*options.start_joints)[joint];
-    if (q >= range.min - kRounded && q <= range.max + kRounded) continue;
-    const bool turns = kinematics::joint_kind(configuration.machine, joint) == machine::JointKind::revolute;
-    const auto shown = [&](double value) { return turns ? units::to_deg(value) : units::to_mm(value); };
-    return fail("PO127",
-                fmt::format("joint {} cannot start at {:.7g} {}: its limits are {:.7g} and {:.7g}", i + 1, shown(q),
-                            turns ? "deg" : "mm", shown(range.min), shown(range.max)),
-                {}, "give the joints where the machine stands before the program");
+  if (options.start_joints) {
+    if (const std::string fault = kinematics::cannot_start(configuration.machine, *options.start_joints);
+        !fault.empty())
+      return fail("PO127", fault, {}, "give the joints where the machine stands before the program");
   }
   PlanOptions asked = options;
   if (asked.branch.empty() && asked.start_joints) {

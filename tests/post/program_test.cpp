@@ -317,6 +317,27 @@ TEST(Programs, ATurnedWorkpieceTurnsItsFrame) {
   EXPECT_EQ(test::id_of(post::plan(p.configuration, tilted, planning)), "PO124");
 }
 
+/// Where joint 6 comes to its end the machine could only go on with the wrist turned over: the limit is named, not the
+/// jump of half a turn.
+TEST(Programs, NameTheLimitWhereAPostureEnds) {
+  machine::AnyMachine machine = test::load("kuka-kr210");
+  const auto path = value(Source("G21 G90 G54\nG0 X0 Y0 Z30 A10 B10 C0\nG1 C100 F600\nM2\n").read());
+  post::PlanOptions planning;
+  post::set_for(Dialect::krl, planning);
+  planning.origin = Vec3(1.6, 0.1, 0.9);
+  const post::Plan free = value(post::plan(value(post::configure(machine, "six")), path, planning));
+  ASSERT_TRUE(free.ok());
+  const double from = free.moves.front().joints[5], to = free.moves.back().joints[5];
+  ASSERT_GT(std::abs(to - from), units::from_deg(60));
+  auto& range = std::get<machine::SerialArm>(machine).dh[5].range;
+  const double end = 0.5 * (from + to), turned_over = end + std::copysign(units::from_deg(200), from - to);
+  range = {std::min(end, turned_over), std::max(end, turned_over)};
+  const post::Plan plan = value(post::plan(value(post::configure(machine, "six")), path, planning));
+  ASSERT_FALSE(plan.ok());
+  EXPECT_EQ(plan.problems.front().kind, "limit");
+  EXPECT_THAT(plan.problems.front().detail, HasSubstr("in the posture that it has the machine cannot go on, joint 6"));
+}
+
 /// On a turned workpiece the tool of a six-axis arm tilts and turns with it: the same joints as those of the program
 /// whose points and orientations are turned by hand, and targets in the frame of the workpiece.
 TEST(Programs, ATiltedToolTurnsWithTheWorkpiece) {

@@ -90,10 +90,14 @@ std::string number(double value, int decimals);
 /// its checksum, if any, renewed. A block with a motion word, or without any axis word, is returned as it is.
 std::string ensure_motion_word(const Block& block, int motion);
 
+/// A text as it can stand in a comment of one line, whatever it holds: control characters become `\xNN`, `%` becomes
+/// `_`, in comments between parentheses `(`, `)` and `;` become `[`, `]` and `,`, and what is longer than 240 bytes is
+/// cut off. LinuxCNC refuses lines of more than 255 bytes, and some controllers take a `%` anywhere as the end of the
+/// program and a `;` inside of parentheses as a comment.
+std::string comment_text(const std::string& line, bool semicolon);
+
 /// The program with comment lines after the leading `%` and O number, in the program's own comment style, and `code`
-/// after them unless it is empty. Each line is made a comment of one line whatever it holds: control characters become
-/// `\xNN`, `%` becomes `_`, in comments between parentheses `(`, `)` and `;` become `[`, `]` and `,`, and what is
-/// longer than 240 bytes is cut off.
+/// after them unless it is empty. Each line is one comment (comment_text).
 Program with_header(const Program& program, std::span<const std::string> lines, const std::string& code = {});
 
 /// The text of the block with `words` ("G64 P0.05 Q0") in the place of its path control word (G61, G61.1 or G64 with P

@@ -36,6 +36,15 @@ FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, c
 /// "30.7 deg", or "512.0 mm" of a slide: of the joint that changes most, in its own number (rad or m).
 std::string largest_change(const AnyMachine& machine, const JointVector& change);
 
+/// What a machine breaks where it goes on in its posture from the joints `from`, the limits by name: of the solution
+/// whose joints change least. Empty where a joint would change by more than `jump` (rad or m), or nothing is broken.
+std::string broken_in_posture(const AnyMachine& machine, const InverseResult& inverse, const JointVector& from,
+                              double jump);
+
+/// The first joint beyond its limits, in words: "joint 2 cannot start at 95 deg: its limits are -90 and 90". Empty
+/// where the machine can stand there; 1e-9 is left for limits that are written as decimals.
+std::string cannot_start(const AnyMachine& machine, const JointVector& joints);
+
 /// "joint 4 would go at 412.1 deg/s where its limit is 180.0"; its speed is limit * share.
 std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, const std::vector<double>& limits);
 
