@@ -354,6 +354,10 @@ Command ik_command() {
               if (singular_at(m, X, s)) entry["singular"] = true;
               solutions.push_back(entry);
             }
+            const bool more = moves_more_than_its_task(m);
+            const bool prescribed =
+                !more || best == nullptr ||
+                quality::task_prescribes(m, X, best->joints, quality::singularity(m, X, best->joints));
             std::vector<std::string> violations;
             if (best != nullptr) violations = kinematics::limit_names(m, best->violations);
             if (best == nullptr) violations.push_back(result.reason);
@@ -364,6 +368,7 @@ Command ik_command() {
                             {"solutions", solutions}};
               if (o->free_twist) document["tool_rotation"] = twist;
               if (kinematics::searches(m)) document["note"] = kSearched;
+              if (more && best != nullptr) document["task_prescribes"] = prescribed;
               print_json(document);
               return reachable ? kDone : kAnswerIsNo;
             }
@@ -376,10 +381,11 @@ Command ik_command() {
                            in_words(kinematics::limit_names(m, s.violations)),
                            singular_at(m, X, s) ? " (singular)" : "", joints_in_words(m, s.joints));
               }
-              if (moves_more_than_its_task(m)) {
+              if (more) {
                 print_whole_pose(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints)));
               }
               if (kinematics::searches(m)) fmt::print("{}\n", kSearched);
+              if (!prescribed) fmt::print("{}\n", quality::kNotPrescribed);
             }
             return reachable ? kDone : kAnswerIsNo;
           }};

@@ -86,9 +86,7 @@ Command singularities_command() {
             if (here.joints.size() == 0) return cannot_take(context, here.reason);
             const quality::Singularity s = quality::singularity(m, X, here.joints, length);
             const auto near = quality::nearest(m, X, here.joints, length);
-            // The machine may be regular while a motion of its drives changes no coordinate of the task.
-            constexpr double kLost = 1e12;
-            const bool prescribed = s.kind != 0 || kinematics::dexterity(m, X, here.joints, length).condition < kLost;
+            const bool prescribed = quality::task_prescribes(m, X, here.joints, s);
             if (context.json) {
               Json document = singularity_json(m, X, s);
               document["within_limits"] = here.reachable;
@@ -101,9 +99,7 @@ Command singularities_command() {
             } else {
               fmt::print("the machine {}{}\n", s.kind != 0 ? "" : "is ", quality::in_words(X, s));
               if (!prescribed) {
-                fmt::print(
-                    "but its task does not prescribe a pose here: drives move the tool, and no coordinate of the "
-                    "task changes; joints of this pose are one choice of many\n");
+                fmt::print("but {}\n", quality::kNotPrescribed);
               }
               if (!here.reachable) fmt::print("(beyond its limits: {})\n", here.reason);
               if (near && s.kind == 0) {

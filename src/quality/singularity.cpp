@@ -163,6 +163,11 @@ std::string direction_in_words(const Pose& X, const Vec3& d) {
 
 }  // namespace
 
+bool task_prescribes(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Singularity& s) {
+  constexpr double kLost = 1e12;
+  return s.kind != 0 || kinematics::dexterity(machine, X_MT, q, s.length).condition < kLost;
+}
+
 Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length,
                         double threshold) {
   const Sides sides = sides_of(machine, X_MT, q, length);

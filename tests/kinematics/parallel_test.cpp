@@ -406,6 +406,42 @@ TEST(Tripod, HasTheParasiticMotionsOfTheClosedForms) {
   }
 }
 
+/// Three struts whose joints stay in vertical planes, the first in x = 0 and the others in those through the z axis
+/// that rise by 25 deg from the x axis (3-RPS). With A = 0 the platform turns about y and C = 0; its joints are at (0,
+/// y1), (-x2, y2) and (x2, y2). A turn dC is free where tan 25 deg (y1 - y2) + x2 cos B = 0: no constraint holds it,
+/// and beyond lies another assembly mode.
+TEST(Tripod, EndsWhereItsConstraintsAreSingular) {
+  const double y1 = 170, x2 = 163.135402, y2 = -76.071287;
+  std::string text =
+      "name = \"rps\"\nfamily = \"parallel\"\ntask = [\"z\", \"A\", \"B\"]\nhome = { z_mm = 700 }\nhangs = true\n";
+  const std::array<std::array<double, 6>, 3> legs{{{0, 260, 0, y1, -1, 0},
+                                                   {-271.892336, -126.785479, -x2, y2, 0.422618261741, -0.906307787037},
+                                                   {271.892336, -126.785479, x2, y2, 0.422618261741, 0.906307787037}}};
+  for (const auto& [bx, by, px, py, nx, ny] : legs) {
+    text += fmt::format(
+        "[[leg]]\ndrive = \"strut\"\nbase_mm = [{0}, {1}, 0]\nplatform_mm = [{2}, {3}, 0]\nmin_mm = 1\nmax_mm = 2000\n"
+        "[[constraint]]\nkind = \"plane\"\nplatform_mm = [{2}, {3}, 0]\nbase_mm = [{0}, {1}, 0]\nnormal = [{4}, {5}, "
+        "0]\n",
+        bx, by, px, py, nx, ny);
+  }
+  const auto m = machine::from_text(text, "rps.toml");
+  ASSERT_TRUE(m) << to_string(m.error());
+  const double end = std::acos(-std::tan(units::from_deg(25)) * (y1 - y2) / x2);
+  EXPECT_NEAR(units::to_deg(end), 134.69, 0.01);
+  const auto at = [&](double b) { return kinematics::settled(*m, Pose{rotation_abc(0, b, 0), {0, 0, 0.9}}); };
+  for (const double sign : {1.0, -1.0}) {
+    for (const double share : {0.1, 0.5, 0.9, 0.95, 0.97, 0.99, 0.999}) {
+      const double b = sign * share * end;
+      const auto X = at(b);
+      ASSERT_TRUE(X.has_value()) << b;
+      EXPECT_LT((X->R - rotation_abc(0, b, 0)).norm(), 1e-9);
+      EXPECT_NEAR(X->p.x(), 0, 1e-9);
+      EXPECT_NEAR(X->p.y(), 1e-3 * (-y2 - std::tan(units::from_deg(25)) * x2 * std::cos(b)), 1e-9);
+    }
+    for (const double beyond : {1.001, 1.01, 1.1}) EXPECT_FALSE(at(sign * beyond * end).has_value()) << beyond;
+  }
+}
+
 /// The tube runs through the joint at the origin: the tool's axis is the direction of its tip, and the universal joint
 /// keeps x of the base square to y of the platform.
 TEST(Tricept, TiltsWithThePositionOfItsTip) {

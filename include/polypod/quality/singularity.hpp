@@ -38,6 +38,16 @@ inline constexpr double kSingularThreshold = kinematics::kLittleHold;
 Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, double length = 0,
                         double threshold = kSingularThreshold);
 
+/// Whether what the task prescribes of the pose fixes the joints: false where the machine is regular and a motion of
+/// its drives moves the tool without changing a coordinate of the task (the condition number exceeds 1e12). `s` is the
+/// singularity() there.
+bool task_prescribes(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Singularity& s);
+/// Where it does not.
+inline constexpr const char* kNotPrescribed =
+    "its task does not prescribe a pose here: drives move the tool, and no coordinate of the task changes; joints of "
+    "this "
+    "pose are one choice of many";
+
 /// A twist of the tool's tip as a person says it: "turns about its own axis", "moves along z", "turns about the axis
 /// through 10.0, 0.0, 5.0 mm along 0.00, 1.00, 0.00", "... and moves along it by 3.0 mm per rad". What is below 3 % of
 /// the rest is left out.

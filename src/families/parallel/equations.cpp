@@ -191,6 +191,18 @@ bool is_near(const Parallel& m, const Settling& s) {
   return s.converged && s.turned < kNear && s.moved < kNear * m.size;
 }
 
+/// The determinant of the passive equations and of what the task prescribes, by the motions of the platform: 0 where
+/// the constraints are singular, so that its sign stays that of home as long as the assembly mode does. 0 as well where
+/// there are more equations than freedoms. (The rates of the angles have 1 / cos B, which angles_abc keeps above 0.)
+double side_of_constraints(const Parallel& m, const Pose& X) {
+  const EquationRows rows = passive_rows(m, X);
+  if (rows.F.size() + m.task.size() != 6) return 0;
+  Eigen::Matrix<double, 6, 6> A;
+  A << rows.A, task_rows(m.task, X, m.size);
+  A.rightCols<3>() /= m.size;
+  return A.determinant();
+}
+
 /// Between two poses, `share` of the way in each coordinate of the task (of angles along the shortest way).
 Pose between(const Parallel& m, const Pose& target, double share) {
   Pose out = target;
@@ -298,7 +310,9 @@ std::optional<Pose> settled(const Parallel& m, const Pose& target) {
   if (m.task.size() == 6) return target;
   if (const ClosureVector F = passive_rows(m, target).F; F.size() == 0 || F.cwiseAbs().maxCoeff() < small)
     return target;
-  const auto near = [&](const Settling& s) { return is_near(m, s); };
+  const double side = side_of_constraints(m, m.home);
+  // On the other side lies what is beyond a singular pose of the constraints.
+  const auto near = [&](const Settling& s) { return is_near(m, s) && side_of_constraints(m, s.X) * side >= 0; };
   const Settling direct = settle_from(m, target, m.home);
   if (near(direct)) return direct.X;
   // Along the way from home, in steps that halve where Newton's method leaves the assembly mode and grow behind it.
