@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <map>
 #include <numbers>
 
 #include "machines.hpp"
@@ -205,6 +206,28 @@ TEST(Fastest, MoreLimitsTakeMoreTime) {
     EXPECT_GT(with, without);
     last = without;
   }
+}
+
+/// On a straight line within a speed and an acceleration of the tool: V / A at each end is bound by the acceleration,
+/// and the rest by the speed.
+TEST(Fastest, SaysWhichLimitBindsForHowLong) {
+  const AnyMachine m = load("hexapod-strut");
+  const Vec3 p = kinematics::home_pose(m)->p;
+  const double L = 0.01, V = 0.1, A = 2;
+  const PosePath path = *pose_path_of({*straight({p, Vec3::Zero()}, {p + Vec3(0, 0, L), Vec3::Zero()})});
+  MoveOptions options;
+  options.law = Law::fastest;
+  options.limits.tool_speed = V;
+  options.limits.tool_acceleration = A;
+  const auto r = move(m, path, options);
+  ASSERT_TRUE(r) << r.error().message;
+  const double time = L / V + V / A;
+  EXPECT_NEAR(r->time, time, 1e-3 * time);
+  std::map<std::string, double> share(r->binding.begin(), r->binding.end());
+  constexpr double kChanges = 0.02;  // between the nodes of the plan where one limit gives way to the other
+  EXPECT_NEAR(share["tool acceleration"], 2 * V / A / time, kChanges);
+  EXPECT_NEAR(share["tool speed"], (L / V - V / A) / time, kChanges);
+  EXPECT_EQ(share.size(), 2U);
 }
 
 PlanNode on_a_line(double s) {
