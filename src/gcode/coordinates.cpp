@@ -232,7 +232,9 @@ Status Engine::set_system(int p, bool from_here) {
                      fmt::format("G10 L20 where the position of {} is not known", kAxisLetters[k]),
                      "give X, Y and Z before, in absolute coordinates");
       }
-      local[k] = word->value + g92_[k];
+      // The shift as the parameters have it, which a program may set beside the one in force.
+      const double shift = parameter(5210) != 0 ? parameter(5211 + static_cast<int>(k)) : 0;
+      local[k] = word->value + (k < 3 ? lengths(shift) : shift);
       plane = plane || k < 2;
     }
     for (std::size_t k = 0; k < 6; ++k) {
