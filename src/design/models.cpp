@@ -228,12 +228,15 @@ std::vector<Kriging::Guess> Models::wanted(const std::vector<Shares>& at) const 
 
 Eigen::VectorXd Models::times_chance(const std::vector<Shares>& at, Eigen::VectorXd out) const {
   constexpr double kLeast = 1e-300;
+  // What cannot be judged at all has no goals either, so the models of these expect much there.
+  constexpr double kOfOthers = 6;
   const Eigen::MatrixXd points = as_rows(at);
   for (std::size_t h = 0; h < kept_.size(); ++h) {
     if (!known_[h]) continue;
+    const double power = h + 1 == kept_.size() ? kOfOthers : 1;
     const Kriging::Guess guess = kept_[h].at(points);
     for (Eigen::Index i = 0; i < out.size(); ++i)
-      out[i] += std::log(std::max(normal_below(guess.mean[i] / std::max(guess.deviation[i], 1e-9)), kLeast));
+      out[i] += power * std::log(std::max(normal_below(guess.mean[i] / std::max(guess.deviation[i], 1e-9)), kLeast));
   }
   return out;
 }

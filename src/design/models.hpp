@@ -23,7 +23,8 @@ class Models {
   void look_near(const Shares& centre) { centre_ = centre; }
   /// Of each thing that is wanted; empty before there are enough rows.
   [[nodiscard]] std::vector<Kriging::Guess> wanted(const std::vector<Shares>& at) const;
-  /// A logarithm, one a place, and that of the chance that all holds are kept there (Schonlau 1997).
+  /// A logarithm, one a place, and that of the chance that all holds are kept there (Schonlau 1997); the chance that a
+  /// machine can be judged at all counts to the sixth power.
   [[nodiscard]] Eigen::VectorXd times_chance(const std::vector<Shares>& at, Eigen::VectorXd out) const;
 
  private:

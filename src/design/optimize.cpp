@@ -32,6 +32,12 @@ double share_at(const Vary& v, std::int64_t k) {
   return count > 1 ? static_cast<double>(k) / (count - 1) : 0;
 }
 
+/// But for the rounding of what is varied.
+bool same(double a, double b) {
+  constexpr double kRounded = 1e-9;
+  return std::abs(a - b) <= kRounded * (1 + std::abs(b));
+}
+
 bool counts(const Row& row, bool start_counts) {
   return row.evaluation.state == State::done && (row.phase != Phase::start || start_counts);
 }
@@ -107,11 +113,10 @@ Result<std::optional<JudgedAgain>> kept_again(const Store& store) {
 
 std::optional<std::vector<double>> as_candidate(const Study& study, const std::vector<double>& values) {
   std::vector<double> near;
-  constexpr double kSame = 1e-9;
   for (std::size_t i = 0; i < values.size(); ++i) {
     const Vary& v = study.vary[i];
     near.push_back(rounded(v.at(v.share_of(values[i]))));
-    if (std::abs(near.back() - values[i]) > kSame * (1 + std::abs(values[i]))) return std::nullopt;
+    if (!same(near.back(), values[i])) return std::nullopt;
   }
   return near;
 }
@@ -126,8 +131,12 @@ bool start_is_candidate(const Study& study) {
     const auto cell = cell_at(study, near);
     return cell && *cell == study.machine_toml;
   }
-  const auto machine = study.machine_at(near);
-  return machine && machine::to_toml(*machine) == machine::to_toml(study.start);
+  // Not whether the texts are alike: one joint that is set turns radius and angle into a list of joints.
+  const auto set = study.parameters(near);
+  return std::all_of(set.begin(), set.end(), [&](const auto& s) {
+    const std::optional<double> own = Study::value_of(study.start, s.first);
+    return own && same(*own, s.second);
+  });
 }
 std::optional<std::size_t> best_of(const Study& study, const std::vector<Row>& rows) {
   std::optional<std::size_t> best;

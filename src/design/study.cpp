@@ -669,15 +669,20 @@ std::vector<double> Study::values_of(const AnyMachine& of) const {
     return out;
   }
   for (const Vary& v : vary) {
-    const std::size_t before = out.size();
-    for (const auto& list : {machine::settings(of), kinematics::parameters(of)}) {
-      for (const machine::Parameter& p : list) {
-        if (out.size() == before && machine::key_of(p) == v.key) out.push_back(units::to_user(p.value, p.unit));
-      }
-    }
-    if (out.size() == before) return {};
+    const std::optional<double> value = value_of(of, v.key);
+    if (!value) return {};
+    out.push_back(*value);
   }
   return out;
+}
+
+std::optional<double> Study::value_of(const AnyMachine& of, const std::string& key) {
+  for (const auto& list : {machine::settings(of), kinematics::parameters(of)}) {
+    for (const machine::Parameter& p : list) {
+      if (machine::key_of(p) == key) return units::to_user(p.value, p.unit);
+    }
+  }
+  return std::nullopt;
 }
 
 std::string Study::identity() const {

@@ -391,6 +391,10 @@ TEST(Optimize, TheStartCountsWhereItIsOneOfTheCandidates) {
   EXPECT_FALSE(start_is_candidate(study_on_strut(text)));
   EXPECT_FALSE(start_is_candidate(
       study_on_strut(std::string(kQuick) + "[[tie]]\nkey = \"tool.length_mm\"\nequals = \"base.radius_mm\"\n")));
+  // Of joints from radius and angle one is set, with more digits than are tried.
+  EXPECT_TRUE(
+      start_is_candidate(study_on_strut("[[vary]]\nkey = \"base.joint[1].x_mm\"\nmin = 40\nmax = 60\n[[goal]]\nfigure "
+                                        "= \"height_mm\"\nsense = \"min\"\n")));
 }
 
 /// JEL 8.4, Table 8.56, third column: with the radii 50 and 25, no tool and most weight on conditioning the best angles

@@ -6,6 +6,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <random>
 #include <string>
 
@@ -51,7 +52,8 @@ inline Study study_on_strut(const std::string& text) {
 }
 
 /// Candidates that are worth what a function of their shares of the ranges says, in the order of Study::figures(), with
-/// an objective where the study has one. As many as `at_a_time` are fetched, and done in any order.
+/// an objective where the study has one; no figures: it is refused. As many as `at_a_time` are fetched, and done in any
+/// order.
 class KnownCrew final : public Crew {
  public:
   using Function = std::function<std::vector<double>(const std::vector<double>&)>;
@@ -81,6 +83,11 @@ class KnownCrew final : public Crew {
         Value v;
         v.value = v.lower = v.upper = x;
         e.figures.push_back(v);
+      }
+      if (e.figures.empty()) {
+        e.state = State::refused;
+        e.violation = std::numeric_limits<double>::infinity();
+        e.figures.resize(study_.figures().size());
       }
       e.objective = objective_of(study_, e.figures);
       POLYPOD_TRY(tasks.taken(task.index, std::move(e)));

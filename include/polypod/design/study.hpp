@@ -158,6 +158,8 @@ struct Study {
   [[nodiscard]] bool surveys(Figure figure) const;
   /// The values of the varied keys of a machine; empty where it does not have one of them.
   [[nodiscard]] std::vector<double> values_of(const AnyMachine& of) const;
+  /// As `polypod info` lists it; nothing where it is not listed.
+  [[nodiscard]] static std::optional<double> value_of(const AnyMachine& of, const std::string& key);
   /// Everything that decides the figures of a candidate, and the seed: two studies with the same text keep their rows
   /// together. The number of evaluations, `search` and `compared` are no part of it.
   [[nodiscard]] std::string identity() const;
