@@ -101,6 +101,8 @@ std::string shown3(double value) {
   return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string("-");
 }
 
+constexpr const char* kNoCandidate = "outside of the ranges, beside their steps, or not as the ties have it";
+
 /// Objective, parameters and figures of a row, one a line; those of the start beside them.
 void print_row(const Study& study, const Row& row, const Row* start) {
   const auto line = [&](const std::string& name, const std::string& value, const std::string& of_start,
@@ -136,7 +138,7 @@ void print_row(const Study& study, const Row& row, const Row* start) {
   if (start != nullptr && start->evaluation.state != State::done) {
     fmt::print("the start is no solution itself: {}\n", one_line(start->evaluation.reason));
   } else if (start != nullptr && !design::start_is_candidate(study)) {
-    fmt::print("the start is no candidate: outside of the ranges, beside their steps, or not as the ties have it\n");
+    fmt::print("the start is no candidate: {}\n", kNoCandidate);
   }
 }
 
@@ -311,27 +313,28 @@ bool says_yes(const design::Answer& answer, bool any, const design::Known& known
   return any && (!answer.again || answer.again->holds_kept()) && design::advice(answer, known.rows).empty();
 }
 
+const Row* start_of(const std::vector<Row>& rows) {
+  for (const Row& row : rows)
+    if (row.phase == design::Phase::start) return &row;
+  return nullptr;
+}
+
 /// Why there is no best machine and no front.
 void print_why_none(const Study& study, const std::vector<Row>& rows) {
   const bool broken = std::any_of(rows.begin(), rows.end(), [](const Row& row) {
     return row.evaluation.state == State::violates && row.phase != design::Phase::start;
   });
   fmt::print("{}\n", broken ? "no candidate keeps all holds" : "no candidate could be judged");
+  if (const Row* start = start_of(rows); start != nullptr && !design::start_is_candidate(study))
+    fmt::print("row {} is the start, and no candidate: {}\n", start->row, kNoCandidate);
   for (const design::HoldSummary& h : design::hold_summaries(study, rows)) {
     if (h.broken == 0) continue;
-    fmt::print("{} of the {} whose figure is known break: {}{}\n", h.broken, h.judged, h.hold,
-               std::isfinite(h.nearest) ? fmt::format("; the nearest has {}", shown(h.nearest)) : "");
+    fmt::print("{}\n", one_line(h.in_words()));
   }
   constexpr std::size_t kReasons = 3;
   const auto reasons = design::refusals(rows);
   for (std::size_t i = 0; i < std::min(reasons.size(), kReasons); ++i)
     fmt::print("{} refused: {}\n", reasons[i].second, one_line(reasons[i].first));
-}
-
-const Row* start_of(const std::vector<Row>& rows) {
-  for (const Row& row : rows)
-    if (row.phase == design::Phase::start) return &row;
-  return nullptr;
 }
 
 /// Rows side by side.

@@ -266,7 +266,7 @@ int standard_output_failed() {
                                "standard output cannot be written",
                                {},
                                files::outputs_appeared() ? "the files that the command has written are there, whole"
-                                                         : "the command has written no file"})
+                                                         : "the command has written no file; evaluations of a study are kept"})
                    .c_str());
   return kBadInput;
 }

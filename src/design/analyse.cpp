@@ -186,6 +186,23 @@ std::function<bool(const Row&)> test_of(const Study& study, const Condition& c) 
   };
 }
 
+namespace {
+
+/// As "row 7 (pose 1: leg 2 is too short)": what the reason says behind the hold.
+std::string nearest_row(const Row& row, const std::string& hold) {
+  const std::string& reason = row.evaluation.reason;
+  return fmt::format("row {}{}", row.row, reason.substr(reason.find(hold) + hold.size()));
+}
+
+}  // namespace
+
+std::string HoldSummary::in_words() const {
+  std::string nearer;
+  if (std::isfinite(nearest)) nearer = fmt::format("; the nearest has {:.6g}", nearest);
+  if (!reason.empty()) nearer = "; the nearest: " + reason;
+  return fmt::format("{} of the {} whose figure is known do not keep: {}{}", broken, judged, hold, nearer);
+}
+
 std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Row>& rows) {
   const bool start_counts = start_is_candidate(study);
   std::vector<HoldSummary> out;
@@ -199,6 +216,10 @@ std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Ro
         const bool broken = row.evaluation.reason.find(s.hold) != std::string::npos;
         s.judged += broken || row.evaluation.state == State::done ? 1 : 0;
         s.broken += broken ? 1 : 0;
+        if (broken && row.evaluation.violation < least) {
+          least = row.evaluation.violation;
+          s.reason = nearest_row(row, s.hold);
+        }
         continue;
       }
       const Value v = value_of(study, row, h.figure);
@@ -219,11 +240,15 @@ std::vector<HoldSummary> hold_summaries(const Study& study, const std::vector<Ro
   for (const char* duty : {kAllPoses, kMotion}) {
     HoldSummary s;
     s.hold = duty;
+    double least = std::numeric_limits<double>::infinity();
     for (const Row& row : rows) {
       if (row.phase == Phase::start && !start_counts) continue;
       const bool broken = row.evaluation.reason.find(duty) != std::string::npos;
       s.judged += broken || row.evaluation.state == State::done ? 1 : 0;
       s.broken += broken ? 1 : 0;
+      if (!broken || row.evaluation.violation >= least) continue;
+      least = row.evaluation.violation;
+      s.reason = nearest_row(row, s.hold);
     }
     if (s.broken > 0) out.push_back(std::move(s));
   }

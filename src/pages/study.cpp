@@ -194,9 +194,7 @@ class Page {
     std::vector<std::string> list;
     for (const design::HoldSummary& h : design::hold_summaries(study_, page_.rows)) {
       if (h.broken == 0) continue;
-      list.push_back(
-          fmt::format("{} of the {} whose figure is known break: {}{}", h.broken, h.judged, h.hold,
-                      std::isfinite(h.nearest) ? fmt::format("; the nearest has {}", number(h.nearest, kDigits)) : ""));
+      list.push_back(h.in_words());
     }
     for (const auto& [reason, count] : design::refusals(page_.rows))
       list.push_back(fmt::format("{} refused: {}", count, reason));

@@ -119,7 +119,19 @@ TEST(Holds, SayWhatBindsAndWhatNothingKeeps) {
   EXPECT_EQ(found[0].nearest, 4.5);
   EXPECT_EQ(found[1].judged, 1);
   EXPECT_EQ(found[1].nearest, 0.4);
+  EXPECT_EQ(found[1].in_words(),
+            "1 of the 1 whose figure is known do not keep: sigma_min at least 0.5; the nearest has 0.4");
   EXPECT_EQ(refusals(rows), (std::vector<std::pair<std::string, int>>{{"no workspace", 1}}));
+  for (Row& row : rows) {
+    row.evaluation.state = State::violates;
+    row.evaluation.reason = fmt::format("not kept: {} (pose {}: leg 2 is too short)", kAllPoses, row.row);
+    row.evaluation.violation = row.row == 2 ? 1 : 2;
+  }
+  const auto poses = hold_summaries(s, rows).back();
+  EXPECT_EQ(
+      poses.in_words(),
+      "3 of the 3 whose figure is known do not keep: every pose of the study is reached; the nearest: row 2 (pose 2: "
+      "leg 2 is too short)");
 }
 
 TEST(Conditions, AreReadAndMet) {

@@ -47,6 +47,11 @@ struct HoldSummary {
   int broken = 0;    ///< of them; of a volume also where the hold is not proven to be kept
   /// The figure that breaks it least, of a volume the bound that does.
   double nearest = std::numeric_limits<double>::quiet_NaN();
+  /// The row that comes nearest and what ended it, where no figure says it: of poses, of the motion and of a box.
+  std::string reason;
+
+  /// As "39 of the 40 candidates whose figure is known do not keep: condition at most 3; the nearest has 3.2".
+  [[nodiscard]] std::string in_words() const;
 };
 /// In the order of the study, then the poses and the motion of the study where any row breaks them. The start counts
 /// where it is a candidate.
