@@ -17,6 +17,17 @@ void Engine::select(int index) {
   rotation_ = parameter(5210 + 20 * index);
 }
 
+Axes Engine::stored_shift() const {
+  Axes shift{};
+  if (parameter(5210) == 0) return shift;
+  for (std::size_t k = 0; k < 6; ++k) {
+    const double stored = parameter(5211 + static_cast<int>(k));
+    const double own = k < 3 ? inches(g92_[k]) : g92_[k];
+    shift[k] = stored == own ? g92_[k] : k < 3 ? lengths(stored) : stored;
+  }
+  return shift;
+}
+
 void Engine::print_system(int index, bool with_g92) {
   put("SET_G5X_OFFSET({}, {})", index, list(origin_));
   if (with_g92) put("SET_G92_OFFSET({})", list(g92_));
@@ -222,6 +233,7 @@ Status Engine::set_system(int p, bool from_here) {
     const double x = local[0];
     local[0] = c * x + s * local[1];
     local[1] = -s * x + c * local[1];
+    const Axes shift = stored_shift();
     bool plane = false;
     for (std::size_t k = 0; k < 6; ++k) {
       const Word* word = find(kAxisLetters[k]);
@@ -233,8 +245,7 @@ Status Engine::set_system(int p, bool from_here) {
                      "give X, Y and Z before, in absolute coordinates");
       }
       // The shift as the parameters have it, which a program may set beside the one in force.
-      const double shift = parameter(5210) != 0 ? parameter(5211 + static_cast<int>(k)) : 0;
-      local[k] = word->value + (k < 3 ? lengths(shift) : shift);
+      local[k] = word->value + shift[k];
       plane = plane || k < 2;
     }
     for (std::size_t k = 0; k < 6; ++k) {

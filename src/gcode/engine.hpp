@@ -331,6 +331,7 @@ class Engine final : private Parameters {
   }
   void note_own_offset();
   void select(int index);  // takes origin and rotation of a work coordinate system
+  [[nodiscard]] Axes stored_shift() const;  // of G92, as the parameters have it
   void print_system(int index, bool with_g92);
   [[nodiscard]] Axes to_machine(const Axes& p) const;
   [[nodiscard]] Axes from_machine(const Axes& p) const;

@@ -145,7 +145,14 @@ Status Engine::settings() {
     if (next == active_) {
       put("COMMENT(\"interpreter: continuing to use same coordinate system\")");
     } else {
-      keep_place([&] { select(next); });
+      // LinuxCNC 2.9 takes the shift from the parameters here, which a program may set, and not the one in force.
+      const Axes g92 = g92_, shift = stored_shift();
+      keep_place([&] {
+        select(next);
+        g92_ = shift;
+      });
+      g92_ = g92;
+      for (std::size_t k = 0; k < 6; ++k) canon_[k] += shift[k] - g92[k];  // where it stands it does know
       active_ = next;
       parameter(5220) = next;
       print_system(active_, true);

@@ -225,6 +225,11 @@ class Author {
         text_ += fmt::format("G{}{}\n", pick(0, 1), axes(true));
         break;
       case 3:
+        if (machine_ && pick(0, 5) == 0) {  // the shift of G92, beside the one that is in force
+          text_ += fmt::format("#{}={}\n", pick(5211, 5216), pick(-3, 3));
+          if (pick(0, 1) == 0) text_ += fmt::format("#5210={}\n", pick(0, 1));
+          break;
+        }
         text_ += fmt::format("#{}={}\n", pick(31, 34), bounded());
         break;
       case 4:
@@ -817,6 +822,9 @@ TEST(Language, LoopsThatAreLeftEarlyAreAsInLinuxCnc) {
       "S100 M3\nM19\nM19 R20\nM67 E0\nM68 E1\nG1 X1\n",
       // Each further sign turns the number over once more.
       "G1 X--1.5 Y+-3 Z---.4 F--120\nG1 X- -6 Y-+5\n#1=--8\nG1 X#1 Y[3--2]\n",
+      // A shift that the program writes counts where another system is selected and in G10 L20.
+      "G92 X1\nG1 X3\n#5211=2\nG55\n(DEBUG, #5420)\nG1 Y4\nG54\nT1 M6\nG1 Y5\n",
+      "#5210=1\n#5212=2\nG10 L2 P2 R30\nG55\nG1 X4\nG10 L20 P1 Y3\nG54\nG1 X5\n",
   };
   const Scratch scratch;
   for (const std::string& body : programs) {
