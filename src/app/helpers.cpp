@@ -269,9 +269,11 @@ std::string pose_text(const machine::AnyMachine& machine, const Pose& X, int dig
   const Figures length(units::to_mm(X.p.norm()), digits);
   std::string out;
   int k = 0;
-  for (const double c : pose_for_user(machine, X))
+  for (const double c : pose_for_user(machine, X)) {
+    const double angle = std::abs(c) < 0.5 * std::pow(10.0, -digits) ? 0 : c;  // not -0.00
     out += (out.empty() ? "" : ", ") +
-           (kinematics::task(machine).is_angle(k++) ? fmt::format("{:.{}f}", c, digits) : length(c));
+           (kinematics::task(machine).is_angle(k++) ? fmt::format("{:.{}f}", angle, digits) : length(c));
+  }
   return out;
 }
 

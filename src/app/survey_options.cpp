@@ -200,16 +200,19 @@ void print_statistics(const quality::Survey& survey, const std::vector<Statistic
   for (const StatisticsRow& row : rows) {
     const Figures shown(row.scale * row.of.mean, row.decimals);
     const auto text = [&](double value) { return shown(row.scale * value); };
-    const bool beside = beside_singular(row.of);
-    if (beside) large.push_back(row.name);
-    fmt::print("{:<12} {:>11}  {:>11}  {:>12}  {:>11}{}\n", row.name, text(row.of.min), text(row.of.mean),
-               beside ? fmt::format("{:.0e}", row.scale * row.of.max) : text(row.of.max), text(row.of.stddev),
+    const bool beside = beside_singular(row.of), wild = beside || !std::isfinite(row.of.max);
+    if (wild) large.push_back(row.name);
+    const auto of_grid = [&](double value) {
+      return wild && std::isfinite(value) ? fmt::format("{:.2g}", row.scale * value) : text(value);
+    };
+    fmt::print("{:<12} {:>11}  {:>11}  {:>12}  {:>11}{}\n", row.name, text(row.of.min), of_grid(row.of.mean),
+               beside ? fmt::format("{:.0e}", row.scale * row.of.max) : text(row.of.max), of_grid(row.of.stddev),
                row.unit.empty() ? "" : " " + row.unit);
   }
   if (!large.empty()) {
     fmt::print(
         "note: the largest {} {} more than a hundred times the mean, as beside a singular pose: other points see "
-        "other maxima\n",
+        "other maxima and means\n",
         listed(large), large.size() > 1 ? "are" : "is");
   }
 }
