@@ -199,6 +199,22 @@ class Page {
     for (const auto& [reason, count] : design::refusals(page_.rows))
       list.push_back(fmt::format("{} refused: {}", count, reason));
     report_.add_list(list);
+    say_start_is_none();
+  }
+
+  void say_start_is_none() {
+    if (start_ == nullptr || design::start_is_candidate(study_)) return;
+    report_.add_text(
+        fmt::format("Row {} is the start, and no candidate: outside of the ranges, beside their steps, or not as the "
+                    "ties have it.",
+                    start_->row));
+  }
+
+  /// Over the workspace where the study asks it; what a pose of the study needs is always checked.
+  [[nodiscard]] std::string legs_against_legs() const {
+    if (study_.interference) return "checked";
+    const bool poses = !study_.duty.poses.empty() || study_.duty.path || study_.duty.pick;
+    return poses ? "checked at the poses and along the motion of the study, not over the workspace" : "not checked";
   }
 
   /// The best against the start.
@@ -235,9 +251,8 @@ class Page {
     }
     if (start_ != nullptr && start_->evaluation.state != State::done) {
       report_.add_text("The start is no solution itself: " + start_->evaluation.reason + ".");
-    } else if (start_ != nullptr && !design::start_is_candidate(study_)) {
-      report_.add_text(
-          "The start is no candidate: outside of the ranges, beside their steps, or not as the ties have it.");
+    } else {
+      say_start_is_none();
     }
   }
 
@@ -623,7 +638,7 @@ class Page {
     Entries entries{{"evaluations", fmt::format("{} in the database", page_.rows.size())},
                     {"resolution", fmt::format("{} points along the longest side", study_.resolution)},
                     {"gap of a volume's bounds", fmt::format("{:g} of it at most", study_.relative_tolerance)},
-                    {"legs against legs", study_.interference ? "checked" : "not checked"}};
+                    {"legs against legs", legs_against_legs()}};
     std::string tolerances;
     for (const auto& [key, size] : study_.tolerances)
       tolerances += fmt::format("{}{}={:g}", tolerances.empty() ? "" : ", ", key, size);
