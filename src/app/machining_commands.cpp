@@ -437,6 +437,7 @@ Command correct_command() {
           return fail("AP202", "--confidence, but no input is said to be uncertain", {o->job},
                       "give --covariance FILE of identified compliances, or a material with spread_95");
         }
+        if (o->confidence) POLYPOD_TRY(machining::force_is_known(in.job));
         if (tolerance_um > 0) in.job.tolerance = units::from_um(tolerance_um);
         options.keep_samples = !o->report.empty();
         options.keep_stock = !o->stock_left.empty() || (!o->report.empty() && !in.job.tool_frame.tilted);

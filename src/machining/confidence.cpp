@@ -164,8 +164,22 @@ std::string Confidence::percent(double probability) const {
   return fmt::format("{:.{}f} %", 100 * probability, standard_error < 2e-3 ? 1 : 0);
 }
 
+Status force_is_known(const Job& job) {
+  double half_95 = 0;
+  for (const std::array<double, 6>& variation : job.material.spread) half_95 = std::hypot(half_95, variation[0]);
+  if (half_95 < job.material.ktc || half_95 == 0) return {};
+  return fail(
+      "MC311",
+      fmt::format("the tangential cutting coefficient is said to within {:.3g} % (95 %): it might be 0 or below, "
+                  "and nothing can be said of what that does",
+                  100 * half_95 / job.material.ktc),
+      {job.path, 0, 0},
+      "check spread_95 of the material (half of 95 % intervals) and force_uncertainty, or measure the forces");
+}
+
 Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, const Correction& correction,
                                  const Eigen::MatrixXd& covariance, const std::function<bool(double)>& progress) {
+  POLYPOD_TRY(force_is_known(job));
   const auto columns = static_cast<std::size_t>(covariance.rows());
   std::vector<std::string> names;
   if (columns > 0) {

@@ -22,6 +22,7 @@
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/kinematics/surplus.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/confidence.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
 #include "side.hpp"
@@ -1016,6 +1017,7 @@ Result<ForceBand> force_band(const Job& job, const gcode::Program& program, cons
   PredictOptions quiet = options;
   quiet.keep_samples = false;
   if (job.material.spread.empty()) return out;
+  POLYPOD_TRY(force_is_known(job));
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, options.progress}));
   cutting::Stock scratch;
   Job changed = job;

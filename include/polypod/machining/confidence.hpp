@@ -53,8 +53,13 @@ struct Confidence {
 /// p) / 4096), and of 1 or 0 it says no more than that all or none were inside (95 %: beyond 0.9993). Points: some of
 /// each wall at equal distances, and the farthest both ways. Left out: that another deflection changes the force (S a
 /// little too wide), the machine's geometry, and everything that the model leaves out. Cost: a pass, one more a
-/// variation, and 10 us a point for an arm. Errors: those of run_pass; MC310 a wall is not found, as with a variation.
+/// variation, and 10 us a point for an arm. Errors: those of run_pass; MC310 a wall is not found, as with a variation;
+/// MC311.
 Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, const Correction& correction,
                                  const Eigen::MatrixXd& covariance, const std::function<bool(double)>& progress = {});
+
+/// Error: MC311 where the 95 % interval of the material's tangential coefficient holds 0: then what a variation changes
+/// is not in proportion to it.
+Status force_is_known(const Job& job);
 
 }  // namespace polypod::machining
