@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 
 #include "busy_line.hpp"
@@ -32,10 +33,15 @@ Json twist_json(const Vec6& twist) {
   return {{"position_mm", vector_json(p)}, {"rotation_rad", vector_json(twist.tail<3>())}};
 }
 
-/// Each element's part in the largest position error, the largest first.
+/// Each element's part in the largest position error, the largest first; those that differ by rounding alone stay in
+/// their order.
 std::vector<quality::WorstCase::Share> ranked(const quality::WorstCase& worst) {
+  constexpr double kSame = 1e-9;
   auto shares = worst.shares;
-  std::stable_sort(shares.begin(), shares.end(), [](const auto& a, const auto& b) { return a.position > b.position; });
+  double largest = 0;
+  for (const auto& s : shares) largest = std::max(largest, s.position);
+  const auto rounded = [&](const auto& s) { return largest > 0 ? std::round(s.position / (kSame * largest)) : 0; };
+  std::stable_sort(shares.begin(), shares.end(), [&](const auto& a, const auto& b) { return rounded(a) > rounded(b); });
   return shares;
 }
 

@@ -288,7 +288,9 @@ std::vector<Bar> bars_of(const AnyMachine& machine, const std::vector<std::pair<
     std::sort(members.begin(), members.end());
     out.push_back({joined_name(all, members), static_cast<int>(members.size()), each});
   }
-  std::stable_sort(out.begin(), out.end(), [](const Bar& a, const Bar& b) { return a.total() > b.total(); });
+  // Lines that differ by rounding alone stay in their order.
+  const auto rounded = [&](const Bar& bar) { return std::round(bar.total() / (kSame * ranked[0].second)); };
+  std::stable_sort(out.begin(), out.end(), [&](const Bar& a, const Bar& b) { return rounded(a) > rounded(b); });
   return out;
 }
 
