@@ -225,11 +225,9 @@ Command info_command() {
               POLYPOD_TRY(files::write_whole(o->output, text));
             }
             Json parameters = Json::object();
-            for (const machine::Parameter& p : machine::settings(m)) {
-              parameters[p.key + (p.unit.empty() ? "" : "_" + p.unit)] = units::to_user(p.value, p.unit);
-            }
-            for (const machine::Parameter& p : kinematics::parameters(m)) {
-              parameters[p.key + (p.unit.empty() ? "" : "_" + p.unit)] = units::to_user(p.value, p.unit);
+            for (const auto& list : {machine::settings(m), kinematics::parameters(m)}) {
+              for (const machine::Parameter& p : list)
+                parameters[machine::key_of(p)] = units::to_user(p.value, p.unit) + 0.0;  // no -0
             }
             Json document{{"name", machine::name_of(m)},
                           {"family", machine::family_of(m)},
@@ -271,8 +269,10 @@ Command info_command() {
                          j["unit"].get<std::string>());
             }
             fmt::print("\nparameters\n");
+            std::size_t longest = 26;
+            for (const auto& entry : parameters.items()) longest = std::max(longest, entry.key().size());
             for (const auto& [key, value] : parameters.items())
-              fmt::print("  {:<26} {:>14.10g}\n", key, value.get<double>());
+              fmt::print("  {:<{}} {:>14.10g}\n", key, longest, value.get<double>());
             print_compliances(document["compliances"]);
             if (!masses.empty()) fmt::print("\nmasses\n");
             for (const Json& mass : masses)
