@@ -759,119 +759,126 @@ Status write_study_files(const StudyOptions& o, const Study& study, const std::v
 
 Command study_command() {
   auto o = std::make_shared<StudyOptions>();
-  return {"study",
-          "What a folder of `optimize` holds: the best, the front, sensitivities, tables, pages, any row's machine",
-          "polypod study strut_equal --where 'condition<=3' --report page.html",
-          [o](Arguments& a) {
-            a.positional("FOLDER", o->folder, "The folder that `polypod optimize STUDY -o FOLDER` wrote");
-            a.option("--top", o->top, {0, 1e6}, "How many rows are listed, the best first (default 10)");
-            a.option("--where", o->where,
-                     "NAME>=number: only rows with a parameter, figure or objective so (repeatable)");
-            a.option("--state", o->state, "done, violates, dropped or refused: only rows in this state");
-            a.option("--reference", o->reference,
-                     "GOAL=number: the reference point of a front's hypervolume (repeatable; default: a tenth of its "
-                     "span beyond the front)");
-            a.option("--csv", o->csv, "Write these rows as a table");
-            a.option("--machine", o->machine, "A row's number, or `best`: its machine goes to --output");
-            a.option("-o,--output", o->output, "The machine file of --machine");
-            a.option("--front-svg", o->front_svg, "The front of the first two goals as a picture");
-            a.option("--parallel-svg", o->parallel_svg, "Parallel coordinates of the best rows as a picture");
-            a.option("--report", o->report, "An HTML report: what was asked and tried, the best against the start");
-            a.option("--sensitivity", o->sensitivity,
-                     "morris or sobol: evaluate anew over the whole ranges, and say how much each parameter matters");
-            a.option("--evaluations", o->evaluations, {1, 1e7},
-                     "Of --sensitivity, at most (default 10 trajectories, or 64 samples)");
-            a.option("--seed", o->seed, {0, kAnyCount.max}, "Of --sensitivity (default 1)");
-            a.option("--threads", o->threads, {0, 1024}, "Of --sensitivity (default: all; the result is the same)");
-          },
-          [o](const Context& context) -> Result<int> {
-            std::vector<std::string> kept_files = design::files_of(o->folder);
-            kept_files.push_back(beside(o->folder, kWinner));
-            POLYPOD_TRY(
-                check_files(kept_files, {o->csv, o->output, o->front_svg, o->parallel_svg, o->report}, context.json));
-            if (o->machine.empty() != o->output.empty()) {
-              return fail("AP233", "--machine and --output go together", {}, "write --machine best -o best.toml");
-            }
-            POLYPOD_ASSIGN(asked, sensitivity_of(*o, context));
-            if (interrupted()) return kBadInput;  // the database keeps what was done
-            POLYPOD_ASSIGN(store, design::Store::read(o->folder));
-            const Study& study = store.study();
-            POLYPOD_ASSIGN(kept, design::kept_sensitivity(study, store));
-            const design::StudySensitivity& global = asked ? *asked : kept;
-            POLYPOD_ASSIGN(rows, store.rows());
-            POLYPOD_ASSIGN(complete, store.complete());
-            POLYPOD_ASSIGN(starts, design::kept_starts(store));
-            POLYPOD_ASSIGN(again, design::kept_again(store));
-            POLYPOD_ASSIGN(known, design::kept_compared(store));
-            POLYPOD_ASSIGN(reference, reference_of(*o, study));
-            POLYPOD_ASSIGN(which, chosen_rows(*o, study, rows));
-            const Row* machine_row = nullptr;
-            if (!o->machine.empty()) {
-              POLYPOD_ASSIGN(row, asked_row(o->machine, study, rows));
-              machine_row = row;
-            }
-            const auto best = design::best_of(study, rows);
-            const std::vector<std::size_t> front = design::front_of(study, rows);
-            const auto sensitivities = design::sensitivities(study, rows);
-            sort_rows(study, rows, front, which);
-            POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row, starts,
-                                          reference, again, known));
-            const bool any = best || !front.empty(), yes = rows.empty() || says_yes({study, rows, again}, any, known);
-            std::vector<std::size_t> listed = which;
-            listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
-            if (context.json) {
-              Json list = Json::array();
-              for (const std::size_t i : listed) list.push_back(row_json(study, rows[i]));
-              Json out({{"rows", rows.size()},
-                        {"selected", which.size()},
-                        {"states", states_json(rows)},
-                        {"complete", complete},
-                        {"version", store.version()},
-                        {"seed", study.seed},
-                        {"best", best ? row_json(study, rows[*best]) : Json()},
-                        {"start", start_json(study, rows)},
-                        {"front", front_json(study, rows, front)},
-                        {"sensitivities", sensitivities_json(study, sensitivities)},
-                        {"listed", list}});
-              if (!starts.empty()) out["starts"] = starts_json(starts);
-              if (again) out["judged_again"] = again_json(study, *again);
-              if (!known.rows.empty()) out["compared"] = compared_json({study, rows, again}, known);
-              const auto volume = design::front_volume(study, rows, front, reference);
-              if (volume && study.wants_front()) out["hypervolume"] = hypervolume_json(study, *volume);
-              if (global.design.groups > 0) out["global_sensitivities"] = global_json(study, global);
-              print_json(out);
-              return yes ? kDone : kAnswerIsNo;
-            }
-            fmt::print("study {} on {}, seed {}, Polypod {}\n", one_line(study.file), one_line(study.machine),
-                       study.seed, store.version());
-            fmt::print("{} rows: {}; the search {}\n", rows.size(), states_text(rows),
-                       complete ? "ended by itself" : "was broken off, or is running");
-            if (starts.size() > 1) fmt::print("{}\n", design::in_words(starts, rows));
-            if (best) {
-              fmt::print("\n");
-              print_row(study, rows[*best], start_of(rows));
-              print_binding(study, rows[*best], again ? !again->holds_kept() : design::may_flatter(study));
-            } else if (front.empty() && !rows.empty()) {
-              print_why_none(study, rows);
-            }
-            if (study.wants_front()) {
-              fmt::print("the front has {} points\n", front.size());
-              print_hypervolume(study, rows, front, reference);
-            }
-            if (again) print_again(study, rows, *again);
-            print_compared({study, rows, again}, known);
-            if (!listed.empty()) {
-              fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());
-              print_table(study, rows, listed);
-            } else if (which.empty() && !rows.empty()) {
-              fmt::print("\nno row is what --where and --state ask for\n");
-            }
-            print_sensitivities(study, sensitivities);
-            if (global.design.groups > 0) print_global(study, global);
-            for (const std::string* path : {&o->csv, &o->output, &o->front_svg, &o->parallel_svg, &o->report})
-              if (!path->empty()) fmt::print("wrote {}\n", *path);
-            return yes ? kDone : kAnswerIsNo;
-          }};
+  return {
+      "study",
+      "What a folder of `optimize` holds: the best, the front, sensitivities, tables, pages, any row's machine",
+      "polypod study strut_equal --where 'condition<=3' --report page.html",
+      [o](Arguments& a) {
+        a.positional("FOLDER", o->folder, "The folder that `polypod optimize STUDY -o FOLDER` wrote");
+        a.option("--top", o->top, {0, 1e6}, "How many rows are listed, the best first (default 10)");
+        a.option("--where", o->where, "NAME>=number: only rows with a parameter, figure or objective so (repeatable)");
+        a.option("--state", o->state, "done, violates, dropped or refused: only rows in this state");
+        a.option("--reference", o->reference,
+                 "GOAL=number: the reference point of a front's hypervolume (repeatable; default: a tenth of its "
+                 "span beyond the front)");
+        a.option("--csv", o->csv, "Write these rows as a table");
+        a.option("--machine", o->machine, "A row's number, or `best`: its machine goes to --output");
+        a.option("-o,--output", o->output, "The machine file of --machine");
+        a.option("--front-svg", o->front_svg, "The front of the first two goals as a picture");
+        a.option("--parallel-svg", o->parallel_svg, "Parallel coordinates of the best rows as a picture");
+        a.option("--report", o->report, "An HTML report: what was asked and tried, the best against the start");
+        a.option("--sensitivity", o->sensitivity,
+                 "morris or sobol: evaluate anew over the whole ranges, and say how much each parameter matters");
+        a.option("--evaluations", o->evaluations, {1, 1e7},
+                 "Of --sensitivity, at most (default 10 trajectories, or 64 samples)");
+        a.option("--seed", o->seed, {0, kAnyCount.max}, "Of --sensitivity (default 1)");
+        a.option("--threads", o->threads, {0, 1024}, "Of --sensitivity (default: all; the result is the same)");
+      },
+      [o](const Context& context) -> Result<int> {
+        std::vector<std::string> kept_files = design::files_of(o->folder);
+        kept_files.push_back(beside(o->folder, kWinner));
+        POLYPOD_TRY(
+            check_files(kept_files, {o->csv, o->output, o->front_svg, o->parallel_svg, o->report}, context.json));
+        if (o->machine.empty() != o->output.empty()) {
+          return fail("AP233", "--machine and --output go together", {}, "write --machine best -o best.toml");
+        }
+        POLYPOD_ASSIGN(asked, sensitivity_of(*o, context));
+        if (interrupted()) return kBadInput;  // the database keeps what was done
+        POLYPOD_ASSIGN(store, design::Store::read(o->folder));
+        const Study& study = store.study();
+        POLYPOD_ASSIGN(kept, design::kept_sensitivity(study, store));
+        const design::StudySensitivity& global = asked ? *asked : kept;
+        POLYPOD_ASSIGN(rows, store.rows());
+        POLYPOD_ASSIGN(complete, store.complete());
+        POLYPOD_ASSIGN(starts, design::kept_starts(store));
+        POLYPOD_ASSIGN(again, design::kept_again(store));
+        POLYPOD_ASSIGN(known, design::kept_compared(store));
+        POLYPOD_ASSIGN(reference, reference_of(*o, study));
+        POLYPOD_ASSIGN(which, chosen_rows(*o, study, rows));
+        const Row* machine_row = nullptr;
+        if (!o->machine.empty()) {
+          POLYPOD_ASSIGN(row, asked_row(o->machine, study, rows));
+          machine_row = row;
+        }
+        const auto best = design::best_of(study, rows);
+        const std::vector<std::size_t> front = design::front_of(study, rows);
+        const auto sensitivities = design::sensitivities(study, rows);
+        sort_rows(study, rows, front, which);
+        POLYPOD_TRY(write_study_files(*o, study, rows, which, sensitivities, global, complete, machine_row, starts,
+                                      reference, again, known));
+        const bool pending = !again && design::to_be_judged_again(study, complete, best.has_value(), !front.empty());
+        const bool any = best || !front.empty();
+        const bool yes = rows.empty() || (says_yes({study, rows, again}, any, known) && !pending);
+        std::vector<std::size_t> listed = which;
+        listed.resize(std::min(listed.size(), static_cast<std::size_t>(o->top)));
+        if (context.json) {
+          Json list = Json::array();
+          for (const std::size_t i : listed) list.push_back(row_json(study, rows[i]));
+          Json out({{"rows", rows.size()},
+                    {"selected", which.size()},
+                    {"states", states_json(rows)},
+                    {"complete", complete},
+                    {"to_be_judged_again", pending},
+                    {"version", store.version()},
+                    {"seed", study.seed},
+                    {"best", best ? row_json(study, rows[*best]) : Json()},
+                    {"start", start_json(study, rows)},
+                    {"front", front_json(study, rows, front)},
+                    {"sensitivities", sensitivities_json(study, sensitivities)},
+                    {"listed", list}});
+          if (!starts.empty()) out["starts"] = starts_json(starts);
+          if (again) out["judged_again"] = again_json(study, *again);
+          if (!known.rows.empty()) out["compared"] = compared_json({study, rows, again}, known);
+          const auto volume = design::front_volume(study, rows, front, reference);
+          if (volume && study.wants_front()) out["hypervolume"] = hypervolume_json(study, *volume);
+          if (global.design.groups > 0) out["global_sensitivities"] = global_json(study, global);
+          print_json(out);
+          return yes ? kDone : kAnswerIsNo;
+        }
+        fmt::print("study {} on {}, seed {}, Polypod {}\n", one_line(study.file), one_line(study.machine), study.seed,
+                   store.version());
+        fmt::print("{} rows: {}; the search {}\n", rows.size(), states_text(rows),
+                   complete ? "ended by itself" : "was broken off, or is running");
+        if (starts.size() > 1) fmt::print("{}\n", design::in_words(starts, rows));
+        if (best) {
+          fmt::print("\n");
+          print_row(study, rows[*best], start_of(rows));
+          print_binding(study, rows[*best], again ? !again->holds_kept() : design::may_flatter(study));
+        } else if (front.empty() && !rows.empty()) {
+          print_why_none(study, rows);
+        }
+        if (study.wants_front()) {
+          fmt::print("the front has {} points\n", front.size());
+          print_hypervolume(study, rows, front, reference);
+        }
+        if (again) print_again(study, rows, *again);
+        if (pending)
+          fmt::print("not judged again yet: {}; the command that searched goes on with it\n",
+                     study.holds.empty() ? "what a finer survey says of the figures is not known"
+                                         : "whether a finer survey finds the holds kept is not known");
+        print_compared({study, rows, again}, known);
+        if (!listed.empty()) {
+          fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());
+          print_table(study, rows, listed);
+        } else if (which.empty() && !rows.empty()) {
+          fmt::print("\nno row is what --where and --state ask for\n");
+        }
+        print_sensitivities(study, sensitivities);
+        if (global.design.groups > 0) print_global(study, global);
+        for (const std::string* path : {&o->csv, &o->output, &o->front_svg, &o->parallel_svg, &o->report})
+          if (!path->empty()) fmt::print("wrote {}\n", *path);
+        return yes ? kDone : kAnswerIsNo;
+      }};
 }
 
 }  // namespace polypod::app

@@ -553,12 +553,18 @@ Result<AnyMachine> machine_with(const Study& study, const Parameters& parameters
 }
 
 /// The middle of the box of tolerances, judged already, and its corners: what is worst of each. A corner that breaks a
-/// hold, or is proven worse than what there is, decides.
+/// hold, or is proven worse than what there is, decides; figures that are not known of all machines then stay out.
 Result<Evaluation> worst_case(const Study& study, const Parameters& parameters, const AnyMachine& middle,
                               Evaluation out, const Incumbents& incumbents, const EvaluateOptions& options) {
   const std::vector<Figure> order = study.figures();
-  for (unsigned corner = 0; corner < 1U << study.robust.size() && out.state != State::refused; ++corner) {
-    if (out.state == State::dropped) return out;
+  const unsigned corners = 1U << study.robust.size();
+  std::vector<unsigned> known(order.size(), 0);  // machines, by figure
+  const auto count = [&](const Evaluation& e) {
+    for (std::size_t i = 0; i < order.size(); ++i) known[i] += std::isnan(e.figures[i].value) ? 0 : 1;
+  };
+  count(out);
+  if (out.state == State::violates) out.reason = "in the middle of the tolerances: " + out.reason;
+  for (unsigned corner = 0; corner < corners && out.state != State::refused && out.state != State::dropped; ++corner) {
     Parameters at = parameters;
     std::string where;
     for (std::size_t i = 0; i < study.robust.size(); ++i) {
@@ -587,6 +593,7 @@ Result<Evaluation> worst_case(const Study& study, const Parameters& parameters, 
       out.reason = fmt::format("at a corner of the tolerances ({}): {}", where, e.reason);
     }
     out.violation = std::max(out.violation, e.violation);
+    count(e);
     for (std::size_t i = 0; i < order.size(); ++i) {
       Value& is = out.figures[i];
       const Value& there = e.figures[i];
@@ -598,6 +605,9 @@ Result<Evaluation> worst_case(const Study& study, const Parameters& parameters, 
       }
     }
     out.objective = worst(out.objective, e.objective, -1);
+  }
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    if (known[i] <= corners) out.figures[i] = Value();
   }
   return out;
 }
@@ -627,6 +637,10 @@ Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varie
   const auto m = study.machine_at(varied);
   if (!m) return no_machine(study, m.error());
   return judged(study, *m, study.parameters(varied), incumbents, options);
+}
+
+bool to_be_judged_again(const Study& study, bool complete, bool best, bool front) {
+  return complete && may_flatter(study) && (best || (front && !study.holds.empty()));
 }
 
 bool may_flatter(const Study& study) {

@@ -537,7 +537,12 @@ Result<bool> Store::complete() const {
 Status Store::close() {
   impl_->insert.reset();
   impl_->insert_sample.reset();
-  return impl_->run("PRAGMA journal_mode = DELETE");
+  // Another program that has the database open keeps the journal beside it; every row is there all the same.
+  constexpr int kShort_ms = 500;
+  sqlite3_busy_timeout(impl_->db.get(), kShort_ms);
+  const int code = sqlite3_exec(impl_->db.get(), "PRAGMA journal_mode = DELETE", nullptr, nullptr, nullptr);
+  const bool busy = (code & kKindOfError) == SQLITE_BUSY || (code & kKindOfError) == SQLITE_LOCKED;
+  return code == SQLITE_OK || busy ? Status() : impl_->failed(code);
 }
 
 }  // namespace polypod::design

@@ -79,11 +79,11 @@ class Table {
     rows_.push_back(row);
   }
 
-  /// The row that ends on its own axis, next to `tip`, with x as near as can be to that of `X_MF`.
-  void end_at(const Vec3& tip, const Pose& X_MF) {
+  /// The row that ends on its own axis, next to the origin of `X_MF`, with x as near as can be to its.
+  void end_at(const Pose& X_MF) {
     const Vec3 x0 = last_.R.col(0), z = last_.R.col(2);
     DhRow row;
-    row.d = (tip - last_.p).dot(z);
+    row.d = (X_MF.p - last_.p).dot(z);
     const Vec3 x = across(z, X_MF.R.col(0), X_MF.R.col(1));
     row.theta_offset = angle_about(z, x0, x);
     last_ = frame_of(last_.p + row.d * z, x, z);
@@ -127,7 +127,7 @@ Result<SerialArm> arm_of_axes(std::span<const JointAxis> axes, const Pose& X_MT,
     }
     row_of.push_back(table.rows().size());
   }
-  table.end_at(X_MT.p, X_MF);
+  table.end_at(X_MF);
   if (table.rows().size() > static_cast<std::size_t>(kMaxJoints)) {
     return fail("MA191", fmt::format("the chain has {} moving joints and its table {} rows, but at most {} are taken",
                                      axes.size(), table.rows().size(), kMaxJoints));

@@ -358,8 +358,16 @@ class ChainReader {
       return fail("MA186", fmt::format("link {} does not lie below link {}", name_of(tip_), name_of(base_)),
                   tree_.place(), "exchange the two, or leave the base out");
     }
-    Pose X;
-    for (const int j : *joints) POLYPOD_TRY(pass(tree_.joints()[static_cast<std::size_t>(j)], X));
+    Pose X, X_last;
+    int last = base_;
+    for (const int j : *joints) {
+      const Edge& joint = tree_.joints()[static_cast<std::size_t>(j)];
+      POLYPOD_TRY(pass(joint, X));
+      if (!moves(joint)) continue;
+      last = joint.child;
+      X_last = X;
+    }
+    POLYPOD_ASSIGN(flange, flange_behind(last, X_last));
     Pose X_MT = X;
     X_MT.R.col(1) = -X.R.col(1);
     X_MT.R.col(2) = -X.R.col(2);
@@ -370,7 +378,7 @@ class ChainReader {
       axis.direction = X_BM.R * axis.direction;
       axis.point = X_BM * axis.point;
     }
-    Result<SerialArm> arm = arm_of_axes(axes_, X_BM * X_MT, X_BM * X);
+    Result<SerialArm> arm = arm_of_axes(axes_, X_BM * X_MT, X_BM * flange.value_or(X));
     if (!arm) {
       arm.error().place = tree_.place();
       arm.error().message += fmt::format(" (from {} to {})", name_of(base_), name_of(tip_));
@@ -380,10 +388,40 @@ class ChainReader {
     return arm;
   }
   [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
+  /// Of the link that is the flange, if any.
+  [[nodiscard]] const std::string& flange() const { return flange_; }
   [[nodiscard]] const std::vector<std::string>& rounded() const { return rounded_; }
   [[nodiscard]] const std::vector<std::string>& speeds() const { return speeds_; }
 
  private:
+  /// The frame of tool0, whether the way to the tip leads over it or not: it hangs at the last moving link, on the axis
+  /// of its joint, and z is along that. In M at joint 0.
+  Result<std::optional<Pose>> flange_behind(int last, const Pose& X_last) {
+    if (axes_.empty()) return std::optional<Pose>{};
+    std::vector<int> rigid{last}, named;
+    for (std::size_t k = 0; k < rigid.size(); ++k) {
+      const Link& link = tree_.links()[static_cast<std::size_t>(rigid[k])];
+      if (link.name == "tool0") named = {rigid[k]};
+      if (link.name == "tool0") break;
+      if (link.name.ends_with("_tool0")) named.push_back(rigid[k]);
+      for (const int j : link.below) {
+        const Edge& joint = tree_.joints()[static_cast<std::size_t>(j)];
+        if (joint.type == "fixed") rigid.push_back(joint.child);
+      }
+    }
+    if (named.size() != 1) return std::optional<Pose>{};
+    Pose X = X_last;
+    const std::vector<int> way = tree_.chain(last, named.front()).value_or(std::vector<int>());
+    for (const int j : way) POLYPOD_TRY(pass(tree_.joints()[static_cast<std::size_t>(j)], X));
+    constexpr double kOnAxis = 1e-6;  // m, rad
+    const JointAxis& axis = axes_.back();
+    const Vec3 off = X.p - axis.point;
+    if ((off - off.dot(axis.direction) * axis.direction).norm() > kOnAxis) return std::optional<Pose>{};
+    if (X.R.col(2).cross(axis.direction).norm() > kOnAxis) return std::optional<Pose>{};
+    flange_ = name_of(named.front());
+    return std::optional<Pose>{X};
+  }
+
   [[nodiscard]] std::string name_of(int link) const {
     return shown(tree_.links()[static_cast<std::size_t>(link)].name);
   }
@@ -462,8 +500,10 @@ class ChainReader {
         return out_of_range(joint, fmt::format("rpy=\"{}\" is beyond {:g} rad", shown(rpy->value), kLargest),
                             "angles are in rad");
       }
-      if (angle->rounded)
-        rounded_.push_back(fmt::format("{} {} = {:g} deg", shown(joint.name), word, units::to_deg(angle->value)));
+      if (angle->rounded) {
+        const std::string said = fmt::format("{} {} = {:g} deg", shown(joint.name), word, units::to_deg(angle->value));
+        if (std::find(rounded_.begin(), rounded_.end(), said) == rounded_.end()) rounded_.push_back(said);
+      }
       angles[next++] = angle->value;
     }
     return rotation_abc(angles[0], angles[1], angles[2]);
@@ -523,6 +563,7 @@ class ChainReader {
   Pose X_MB_;  // the link that carries the first moving joint
   std::vector<JointAxis> axes_;
   std::vector<std::string> names_, rounded_, speeds_;
+  std::string flange_;
 };
 
 }  // namespace
@@ -577,6 +618,11 @@ Result<SerialArm> arm_from_urdf(std::string_view text, const std::string& name) 
   arm.provenance["joints"] = fmt::format("{}", fmt::join(reader.names(), ", "));
   arm.provenance["tool"] =
       fmt::format("link {}, turned by 180 deg about its x axis: z_T points to the flange", link_name(tip));
+  arm.provenance[kFlange] =
+      reader.flange().empty()
+          ? fmt::format("{}: no link tool0 on the last axis; the last frame lies at the foot of the tip on it",
+                        kNotKnown)
+          : fmt::format("link {}, the last frame of the table", reader.flange());
   if (!reader.speeds().empty())
     arm.provenance["speeds"] = fmt::format("largest, by the same file: {}", fmt::join(reader.speeds(), ", "));
   if (!reader.rounded().empty()) arm.provenance["angles"] = "read as multiples of 15 deg: " + list_of(reader.rounded());

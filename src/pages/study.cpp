@@ -118,6 +118,7 @@ class Page {
               "try, and not for what is no figure of the study, such as strength, drives, cost and manufacture.");
     if (best_ == nullptr && front_.empty()) {
       why_none();
+      known();
       return;
     }
     if (!page_.complete) {
@@ -158,7 +159,8 @@ class Page {
   void judged_again() {
     if (!page_.again) {
       if (!study_.holds.empty() && design::may_flatter(study_)) {
-        report_.add_text("The holds are kept as the search judged them; its answer was not judged on a finer grid.");
+        report_.add_verdict(Verdict::bad,
+                            "The holds are kept as the search judged them; its answer was not judged on a finer grid.");
       }
       return;
     }

@@ -15,6 +15,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/machine/urdf.hpp"
 #include "writing.hpp"
 
 namespace polypod::post {
@@ -522,6 +523,18 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
                 fmt::format("{} has {} joints; external axes, such as a rail, are not written in a robot's language",
                             machine::name_of(configuration.machine), arm->dh.size()),
                 {}, "give the six joints of the robot as a machine of their own, its base where it stands on the rail");
+  }
+  if (const auto flange = arm->provenance.find(machine::kFlange);
+      flange != arm->provenance.end() && flange->second.starts_with(machine::kNotKnown)) {
+    return fail(
+        "PO131",
+        fmt::format("{}: its file does not say where the flange is, and a robot's controller counts the tool "
+                    "from there",
+                    machine::name_of(configuration.machine)),
+        {},
+        "name the link of the flange tool0 (z out of the flange, along the last axis); or write the machine with "
+        "`polypod info ... -o arm.toml`, make its last row end at the flange, and take `flange` out of its "
+        "[provenance]");
   }
   POLYPOD_TRY(fits_a_robot(path));
   Written out;

@@ -341,6 +341,14 @@ TEST(Robust, EachFigureIsTheWorstOfTheCornersAndHoldsAreKeptAtAllOfThem) {
   EXPECT_EQ(broken.state, State::violates);
   EXPECT_NE(broken.reason.find("base.radius_mm = 38"), std::string::npos) << broken.reason;
   EXPECT_NEAR(broken.violation, (footprint(39) - footprint(38)) / footprint(39), 1e-9);
+  // What a row is dropped for decides it before all corners are judged: no figure of some of them is given.
+  Incumbents found;
+  found.objective = 1 / footprint(41);
+  const auto dropped = evaluate(study_on_strut(wanted + box), {40}, found, {});
+  ASSERT_TRUE(dropped);
+  ASSERT_EQ(dropped->state, State::dropped) << dropped->reason;
+  EXPECT_TRUE(std::isnan(dropped->figures[0].value)) << dropped->figures[0].value;
+  EXPECT_LT(dropped->objective.upper, 1 / footprint(41));
   // Of a figure that holds bound on both sides the worst is what is the nearest to a bound.
   const std::string between =
       fmt::format("[[hold]]\nfigure = \"footprint_mm2\"\nmin = {}\nmax = {}\n", 0.5 * footprint(40), footprint(42.5));

@@ -76,6 +76,25 @@ TEST(Store, GivesBackWhatItKeepsToTheBit) {
   EXPECT_EQ(files, 2);
 }
 
+/// A program that looks at the rows and does not close the database: the answer is given all the same.
+TEST(Store, ClosesWhileAnotherProgramHasItOpen) {
+  const Folder folder;
+  sqlite3* other = nullptr;
+  for (const std::int64_t number : {1, 2}) {
+    auto store = opened(folder / "a");
+    ASSERT_TRUE(store) << to_string(store.error());
+    ASSERT_TRUE(store->add(row_of(number)));
+    if (other == nullptr) {
+      ASSERT_EQ(sqlite3_open((folder / "a/study.sqlite").c_str(), &other), SQLITE_OK);
+    }
+    ASSERT_EQ(sqlite3_exec(other, "SELECT count(*) FROM evaluation", nullptr, nullptr, nullptr), SQLITE_OK);
+    const auto closed = store->close();
+    EXPECT_TRUE(closed) << to_string(closed.error());
+  }
+  EXPECT_EQ(Store::read(folder / "a")->rows()->size(), 2U);
+  sqlite3_close(other);
+}
+
 TEST(Store, RefusesAnotherStudyAnotherVersionAndASecondProcess) {
   const Folder folder;
   {

@@ -72,6 +72,9 @@ Result<Evaluation> evaluate(const Study& study, const std::vector<double>& varie
 /// Whether figures or holds of the study are those of a survey's points, which a search may have found to be
 /// flattering.
 bool may_flatter(const Study& study);
+/// Whether there is an answer that is still to be judged by a finer survey: that of a search which was ended while it
+/// judged. `best`: one machine, else the points of a front, whose holds alone are judged again.
+bool to_be_judged_again(const Study& study, bool complete, bool best, bool front);
 
 /// evaluate() for the machine as it is in its file, whole.
 Result<Evaluation> evaluate_machine(const Study& study, const AnyMachine& machine, const Incumbents& incumbents,

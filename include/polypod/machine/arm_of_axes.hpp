@@ -19,13 +19,13 @@ struct JointAxis {
 
 /// The arm X_MT(q) = exp(xi_1 q_1) ... exp(xi_n q_n) X_MT(0), xi_i the twist of axis i, as a standard table with base
 /// and tool. Each row leads along the common normal of two axes. {F}, the last frame, lies on the last axis: its origin
-/// is the foot of the tip on that axis, x_F points as x of `X_MF` does as far as z lets it, and z_F is the axis, in the
-/// sense in which it is nearer to z of X_MF; X_FT takes the rest. So where the last axis is z of X_MF, F is parallel to
-/// it.
+/// is the foot of that of `X_MF` on that axis, x_F points as x of `X_MF` does as far as z lets it, and z_F is the axis,
+/// in the sense in which it is nearer to z of X_MF; X_FT takes the rest. So where the last axis is the z axis of X_MF,
+/// F is X_MF.
 ///
 /// @param axes   in the order of the chain, 1 to kMaxJoints
 /// @param X_MT   the tool tip where all joints are 0, in M
-/// @param X_MF   a frame whose directions the last one takes over, see above
+/// @param X_MF   what the last frame is to be, as far as it lies on its axis, see above: the flange
 /// @return the arm with its task left as it is by default; a frame of the base that lies on the first axis, next to the
 ///   origin of M and as near to its directions as the axis lets it.
 ///

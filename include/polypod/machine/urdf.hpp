@@ -23,6 +23,11 @@ std::string file_of_machine(const std::string& name);
 /// `.xml`.
 bool is_urdf(std::string_view text, const std::string& name);
 
+/// The entry of the provenance that says which link is the flange, from which robots' controllers count the tool, and how
+/// it begins where the file does not tell.
+inline constexpr const char* kFlange = "flange";
+inline constexpr const char* kNotKnown = "not known";
+
 /// The chain of a URDF file from a base to a tip as a serial arm. {M} is the frame of the base link, and {T} that of
 /// the tip link, turned by 180 deg about its x axis: z of a tool frame of ROS points away from the flange, z_T towards
 /// it.
