@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 
+#include "one_tip.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -313,6 +314,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   if ((speeds || hard) && out.fastest_line == 0 && out.hardest_line == 0 && !out.joints.empty())
     out.notes.push_back(fmt::format("no cut was there in which the {} of the joints could be judged", what));
   if (auto side = note_on_side(machine)) out.notes.push_back(std::move(*side));
+  if (auto tools = note_on_one_tip(interpretation.moves)) out.notes.push_back(std::move(*tools));
   if (!speeds && !interpretation.moves.empty())
     out.notes.emplace_back("the speeds of the joints are not judged: no job gives joint_speeds");
   constexpr double kUpright = units::from_deg(0.1);

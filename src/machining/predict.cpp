@@ -15,12 +15,14 @@
 #include "few.hpp"
 #include "in_order.hpp"
 #include "modes.hpp"
+#include "one_tip.hpp"
 #include "plunges.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/cutting/ball_stock.hpp"
 #include "polypod/cutting/plausibility.hpp"
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/kinematics/surplus.hpp"
+#include "polypod/machine/assumed.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/confidence.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -467,6 +469,9 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
   if (auto note = note_on_air(programmed, prediction)) notes.push_back(std::move(*note));
   if (kinematics::leaves_a_joint_free(job.machine)) notes.emplace_back(kOneChoice);
   if (auto side = note_on_side(job.machine)) notes.push_back(std::move(*side));
+  if (auto tools = note_on_one_tip(programmed)) notes.push_back(std::move(*tools));
+  if (machine::limits_are_assumed(job.machine))
+    notes.push_back(fmt::format("limits of the joints are not judged: {}", machine::kAssumedLimits));
   if (const std::string rigid = rigid_parts(job.machine); !job.measured && !rigid.empty())
     notes.push_back(fmt::format("without a compliance in the machine file, so counted as rigid: {}", rigid));
   if (job.factors.force != 1 || job.factors.compliance != 1) {

@@ -587,6 +587,9 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
       "happen");
   out.notes.push_back(
       "workpiece and tool frame are those of the machine file; its joints must count as the controller's do");
+  constexpr double kNoTool = 1e-9;  // m
+  if (arm->X_FT.p.norm() < kNoTool)
+    out.notes.push_back("the tool tip is the flange: the machine file gives no tool length (`--set tool.z_mm=...`)");
   for (std::string& note : robot_notes(path, options)) out.notes.push_back(std::move(note));
   if (arm->dh.size() != 6)
     out.notes.push_back(
