@@ -261,13 +261,14 @@ std::vector<std::string> with_names_of_now(int argc, char** argv) {
 }
 
 int standard_output_failed() {
-  std::fprintf(stderr, "polypod: %s\n",
-               to_string(Error{"AP117",
-                               "standard output cannot be written",
-                               {},
-                               files::outputs_appeared() ? "the files that the command has written are there, whole"
-                                                         : "the command has written no file; evaluations of a study are kept"})
-                   .c_str());
+  std::fprintf(
+      stderr, "polypod: %s\n",
+      to_string(Error{"AP117",
+                      "standard output cannot be written",
+                      {},
+                      files::outputs_appeared() ? "the files that the command has written are there, whole"
+                                                : "the command has written no file; evaluations of a study are kept"})
+          .c_str());
   return kBadInput;
 }
 

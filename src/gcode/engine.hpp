@@ -330,7 +330,7 @@ class Engine final : private Parameters {
            (own_axes_[static_cast<std::size_t>(system - 1)] & 7U) == 7U;
   }
   void note_own_offset();
-  void select(int index);  // takes origin and rotation of a work coordinate system
+  void select(int index);                   // takes origin and rotation of a work coordinate system
   [[nodiscard]] Axes stored_shift() const;  // of G92, as the parameters have it
   void print_system(int index, bool with_g92);
   [[nodiscard]] Axes to_machine(const Axes& p) const;

@@ -23,8 +23,8 @@ std::string file_of_machine(const std::string& name);
 /// `.xml`.
 bool is_urdf(std::string_view text, const std::string& name);
 
-/// The entry of the provenance that says which link is the flange, from which robots' controllers count the tool, and how
-/// it begins where the file does not tell.
+/// The entry of the provenance that says which link is the flange, from which robots' controllers count the tool, and
+/// how it begins where the file does not tell.
 inline constexpr const char* kFlange = "flange";
 inline constexpr const char* kNotKnown = "not known";
 
