@@ -103,6 +103,34 @@ std::string shown3(double value) {
 
 constexpr const char* kNoCandidate = "outside of the ranges, beside their steps, or not as the ties have it";
 
+void print_robust(const Study& study) {
+  if (study.robust.empty()) return;
+  std::string box;
+  for (const auto& [key, size] : study.robust) box += fmt::format("{}{} ± {:g}", box.empty() ? "" : ", ", key, size);
+  fmt::print(
+      "each figure is the worst of {} machines: the middle and the corners of {}; between them it may be worse\n",
+      (1U << study.robust.size()) + 1, box);
+}
+
+/// What the search could not choose by, and why candidates were refused, where there is an answer all the same.
+void print_doubts(const Study& study, const std::vector<Row>& rows) {
+  const std::vector<std::string> same = design::unchanged_goals(study, rows);
+  if (!same.empty()) {
+    fmt::print("{} {} the same in all candidates that are done: the search had nothing to choose by\n",
+               fmt::join(same, ", "), same.size() == 1 ? "is" : "are");
+  }
+  const auto reasons = design::refusals(rows);
+  if (!reasons.empty()) {
+    const auto& [reason, count] = reasons.front();
+    fmt::print("{} refused{}: {}\n", count, reasons.size() > 1 ? ", for the most frequent reason" : "",
+               one_line(reason));
+  }
+}
+
+std::string points_text(std::size_t count) {
+  return fmt::format("the front has {} {}", count, count == 1 ? "point" : "points");
+}
+
 /// Objective, parameters and figures of a row, one a line; those of the start beside them.
 void print_row(const Study& study, const Row& row, const Row* start) {
   const auto line = [&](const std::string& name, const std::string& value, const std::string& of_start,
@@ -128,13 +156,7 @@ void print_row(const Study& study, const Row& row, const Row* start) {
          start != nullptr ? number(start->evaluation.figures[i].value) : "",
          v.lower < v.upper ? fmt::format("   certainly {} to {}", shown(v.lower), shown(v.upper)) : "");
   }
-  if (!study.robust.empty()) {
-    std::string box;
-    for (const auto& [key, size] : study.robust) box += fmt::format("{}{} ± {:g}", box.empty() ? "" : ", ", key, size);
-    fmt::print(
-        "each figure is the worst of {} machines: the middle and the corners of {}; between them it may be worse\n",
-        (1U << study.robust.size()) + 1, box);
-  }
+  print_robust(study);
   if (start != nullptr && start->evaluation.state != State::done) {
     fmt::print("the start is no solution itself: {}\n", one_line(start->evaluation.reason));
   } else if (start != nullptr && !design::start_is_candidate(study)) {
@@ -490,13 +512,15 @@ Command optimize_command() {
           if (again) print_again(study, found.rows, *again);
           fmt::print("wrote {}\n", beside(o->folder, kWinner));
         } else if (any) {
-          fmt::print("the front has {} points\n", found.front.size());
+          fmt::print("{}\n", points_text(found.front.size()));
+          print_robust(study);
           print_hypervolume(study, found.rows, found.front, {});
           print_table(study, found.rows, found.front);
           if (again) print_again(study, found.rows, *again);
         } else {
           print_why_none(study, asked);
         }
+        if (any) print_doubts(study, asked);
         print_compared(answer, known);
         fmt::print("every evaluation is in {}; `polypod study {}` shows them\n", design::database_of(o->folder),
                    for_shell(o->folder));
@@ -858,7 +882,8 @@ Command study_command() {
           print_why_none(study, rows);
         }
         if (study.wants_front()) {
-          fmt::print("the front has {} points\n", front.size());
+          fmt::print("{}\n", points_text(front.size()));
+          print_robust(study);
           print_hypervolume(study, rows, front, reference);
         }
         if (again) print_again(study, rows, *again);
@@ -866,6 +891,7 @@ Command study_command() {
           fmt::print("not judged again yet: {}; the command that searched goes on with it\n",
                      study.holds.empty() ? "what a finer survey says of the figures is not known"
                                          : "whether a finer survey finds the holds kept is not known");
+        if (any) print_doubts(study, rows);
         print_compared({study, rows, again}, known);
         if (!listed.empty()) {
           fmt::print("\n{} of {} rows, the best first\n", listed.size(), which.size());

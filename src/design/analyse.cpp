@@ -28,10 +28,13 @@ Eigen::VectorXd standard_ranks(const std::vector<double>& values) {
   std::vector<std::size_t> order(n);
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
+  // What differs by rounding alone has one rank.
+  constexpr double kRounding = 1e-12;
+  const double same = n == 0 ? 0 : kRounding * std::max(std::abs(values[order[0]]), std::abs(values[order[n - 1]]));
   Eigen::VectorXd out(static_cast<Eigen::Index>(n));
   for (std::size_t i = 0; i < n;) {
     std::size_t end = i;
-    while (end < n && values[order[end]] == values[order[i]]) ++end;
+    while (end < n && values[order[end]] - values[order[i]] <= same) ++end;
     const double rank = 0.5 * static_cast<double>(i + end + 1);
     for (; i < end; ++i) out[static_cast<Eigen::Index>(order[i])] = rank;
   }
@@ -359,6 +362,19 @@ std::string in_words(const Study& study, const FrontVolume& volume) {
   }
   return fmt::format("hypervolume {:.6g}, {:.3g} % of the box between the best of each goal and the reference point {}",
                      volume.volume, 100 * volume.share, reference);
+}
+
+std::vector<std::string> unchanged_goals(const Study& study, const std::vector<Row>& rows) {
+  constexpr std::size_t kFew = 3;
+  std::vector<std::string> out;
+  for (const Goal& goal : study.goals) {
+    std::vector<double> values;
+    for (const Row& row : rows) {
+      if (row.evaluation.state == State::done) values.push_back(value_of(study, row, goal.figure).value);
+    }
+    if (values.size() >= kFew && standard_ranks(values).size() == 0) out.emplace_back(info_of(goal.figure).name);
+  }
+  return out;
 }
 
 std::vector<std::pair<std::string, int>> refusals(const std::vector<Row>& rows) {

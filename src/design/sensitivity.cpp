@@ -108,16 +108,12 @@ class Groups {
   }
 
   [[nodiscard]] Shares variances(std::size_t parameter, const std::vector<std::size_t>& picked) const {
-    double mean = 0, square = 0;
-    for (const std::size_t g : picked) {
-      for (const double y : {values_[g][0], values_[g][1]}) {
-        mean += y;
-        square += y * y;
-      }
-    }
     const double n = 2 * static_cast<double>(picked.size());
-    mean /= n;
-    const double variance = (square - n * mean * mean) / (n - 1);
+    double mean = 0, square = 0;
+    for (const std::size_t g : picked) mean += (values_[g][0] + values_[g][1]) / n;
+    for (const std::size_t g : picked)
+      for (const double y : {values_[g][0], values_[g][1]}) square += (y - mean) * (y - mean);
+    const double variance = square / (n - 1);
     constexpr double kRounding = 1e-24;  // of the square of the mean
     if (!(variance > kRounding * mean * mean)) return {};
     double first = 0, total = 0;
