@@ -7,6 +7,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "polypod/core/units.hpp"
@@ -138,11 +139,34 @@ std::string largest_change(const AnyMachine& machine, const JointVector& change)
 
 std::string broken_in_posture(const AnyMachine& machine, const InverseResult& inverse, const JointVector& from,
                               double jump) {
-  const auto change = [&](const Solution& s) { return (s.joints - from).cwiseAbs().maxCoeff(); };
-  const auto near = std::min_element(inverse.solutions.begin(), inverse.solutions.end(),
-                                     [&](const Solution& a, const Solution& b) { return change(a) < change(b); });
-  if (near == inverse.solutions.end() || change(*near) > jump) return {};
-  return fmt::format("{}", fmt::join(limit_names(machine, near->violations), ", "));
+  if (inverse.solutions.empty()) return {};
+  // Solutions hold each joint in the turn that its limits allow: here the one next to `from` counts.
+  const auto next_to = [&](const Solution& s) {
+    JointVector q = s.joints;
+    constexpr double kTurn = 2 * std::numbers::pi;
+    for (int i = 0; is_serial(machine) && i < static_cast<int>(q.size()); ++i) {
+      if (joint_kind(machine, i) == JointKind::revolute) q[i] -= kTurn * std::round((q[i] - from[i]) / kTurn);
+    }
+    return q;
+  };
+  const Solution* near = nullptr;
+  JointVector joints;
+  for (const Solution& s : inverse.solutions) {
+    const JointVector q = next_to(s);
+    if (near != nullptr && (q - from).cwiseAbs().maxCoeff() >= (joints - from).cwiseAbs().maxCoeff()) continue;
+    near = &s;
+    joints = q;
+  }
+  if ((joints - from).cwiseAbs().maxCoeff() > jump) return {};
+  std::vector<std::string> broken;
+  for (int i = 0; i < static_cast<int>(joints.size()); ++i) {
+    if (joints[i] == near->joints[i]) continue;
+    const machine::JointRange range = joint_range(machine, i);
+    if (joints[i] > range.max) broken.push_back(fmt::format("joint {} above its maximum", i + 1));
+    if (joints[i] < range.min) broken.push_back(fmt::format("joint {} below its minimum", i + 1));
+  }
+  for (std::string& name : limit_names(machine, near->violations)) broken.push_back(std::move(name));
+  return fmt::format("{}", fmt::join(broken, ", "));
 }
 
 std::string cannot_start(const AnyMachine& machine, const JointVector& joints) {
