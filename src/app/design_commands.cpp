@@ -116,8 +116,8 @@ void print_robust(const Study& study) {
 void print_doubts(const Study& study, const std::vector<Row>& rows) {
   const std::vector<std::string> same = design::unchanged_goals(study, rows);
   if (!same.empty()) {
-    fmt::print("{} {} the same in all candidates that are done: the search had nothing to choose by\n",
-               fmt::join(same, ", "), same.size() == 1 ? "is" : "are");
+    fmt::print("{} {} the same in all candidates that are done, so nothing is decided by it\n", fmt::join(same, ", "),
+               same.size() == 1 ? "is" : "are");
   }
   const auto reasons = design::refusals(rows);
   if (!reasons.empty()) {

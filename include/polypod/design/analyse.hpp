@@ -40,7 +40,7 @@ Result<Condition> condition_of(const Study& study, const std::string& text);
 /// Whether a row meets the condition; not where it does not have the number. The study must outlive the test.
 std::function<bool(const Row&)> test_of(const Study& study, const Condition& condition);
 
-/// The goals whose figures are the same in all rows that are done, at least three: the search had nothing to choose by.
+/// The goals whose figures are the same in all rows that are done, at least three: they decide nothing.
 std::vector<std::string> unchanged_goals(const Study& study, const std::vector<Row>& rows);
 
 /// How the rows stand to one hold of the study.
