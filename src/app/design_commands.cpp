@@ -101,8 +101,6 @@ std::string shown3(double value) {
   return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string("-");
 }
 
-constexpr const char* kNoCandidate = "outside of the ranges, beside their steps, or not as the ties have it";
-
 void print_robust(const Study& study) {
   if (study.robust.empty()) return;
   std::string box;
@@ -125,6 +123,13 @@ void print_doubts(const Study& study, const std::vector<Row>& rows) {
     fmt::print("{} refused{}: {}\n", count, reasons.size() > 1 ? ", for the most frequent reason" : "",
                one_line(reason));
   }
+}
+
+/// Of an answer that a finer survey is still to judge.
+void print_pending(const Study& study) {
+  fmt::print("not judged again yet: {}; the command that searched goes on with it\n",
+             study.holds.empty() ? "what a finer survey says of the figures is not known"
+                                 : "whether a finer survey finds the holds kept is not known");
 }
 
 std::string points_text(std::size_t count) {
@@ -160,7 +165,7 @@ void print_row(const Study& study, const Row& row, const Row* start) {
   if (start != nullptr && start->evaluation.state != State::done) {
     fmt::print("the start is no solution itself: {}\n", one_line(start->evaluation.reason));
   } else if (start != nullptr && !design::start_is_candidate(study)) {
-    fmt::print("the start is no candidate: {}\n", kNoCandidate);
+    fmt::print("the start is no candidate: {}\n", design::kNoCandidate);
   }
 }
 
@@ -348,7 +353,7 @@ void print_why_none(const Study& study, const std::vector<Row>& rows) {
   });
   fmt::print("{}\n", broken ? "no candidate keeps all holds" : "no candidate could be judged");
   if (const Row* start = start_of(rows); start != nullptr && !design::start_is_candidate(study))
-    fmt::print("row {} is the start, and no candidate: {}\n", start->row, kNoCandidate);
+    fmt::print("row {} is the start, and no candidate: {}\n", start->row, design::kNoCandidate);
   for (const design::HoldSummary& h : design::hold_summaries(study, rows)) {
     if (h.broken == 0) continue;
     fmt::print("{}\n", one_line(h.in_words()));
@@ -887,10 +892,7 @@ Command study_command() {
           print_hypervolume(study, rows, front, reference);
         }
         if (again) print_again(study, rows, *again);
-        if (pending)
-          fmt::print("not judged again yet: {}; the command that searched goes on with it\n",
-                     study.holds.empty() ? "what a finer survey says of the figures is not known"
-                                         : "whether a finer survey finds the holds kept is not known");
+        if (pending) print_pending(study);
         if (any) print_doubts(study, rows);
         print_compared({study, rows, again}, known);
         if (!listed.empty()) {

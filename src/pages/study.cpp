@@ -206,10 +206,7 @@ class Page {
 
   void say_start_is_none() {
     if (start_ == nullptr || design::start_is_candidate(study_)) return;
-    report_.add_text(
-        fmt::format("Row {} is the start, and no candidate: outside of the ranges, beside their steps, or not as the "
-                    "ties have it.",
-                    start_->row));
+    report_.add_text(fmt::format("Row {} is the start, and no candidate: {}.", start_->row, design::kNoCandidate));
   }
 
   /// Over the workspace where the study asks it; what a pose of the study needs is always checked.

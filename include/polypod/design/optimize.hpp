@@ -96,6 +96,8 @@ Result<std::optional<JudgedAgain>> kept_again(const Store& store);
 std::optional<std::vector<double>> as_candidate(const Study& study, const std::vector<double>& values);
 /// Whether the machine of the study is one of its candidates: within the ranges, with all ties.
 bool start_is_candidate(const Study& study);
+/// Why it may be none, in words.
+inline constexpr const char* kNoCandidate = "outside of the ranges, beside their steps, or not as the ties have it";
 
 /// The row with the largest objective of those that are done; of equal ones the first. Nothing of a front.
 std::optional<std::size_t> best_of(const Study& study, const std::vector<Row>& rows);
