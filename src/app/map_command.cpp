@@ -24,22 +24,37 @@ using pages::tidy_mm;
 
 constexpr int kMostPerSide = 301;
 constexpr double kFarthest_mm = 1e6;  // 1 km: beyond it lies a wrong unit
+constexpr double kFarthest_deg = 180;
 constexpr int kMostPathPoints = 10'001;
 
 struct MapOptions {
   std::string machine, plane, at, angles, resolution = "41", force, path_csv;
-  std::array<std::string, 3> range;
+  std::array<std::string, 6> range;  // of x, y, z, A, B, C
   std::vector<std::string> sets, measured, paths, outputs;
   int points = 61;
 };
 
-/// "lo,hi" in mm. Errors: AP100, AP141.
-Result<std::array<double, 2>> range_of(const std::string& text, const std::string& option) {
-  POLYPOD_ASSIGN(n, numbers_of(text, option));
-  if (n.size() != 2 || !(n[0] < n[1]) || std::abs(n[0]) > kFarthest_mm || std::abs(n[1]) > kFarthest_mm) {
-    return fail("AP141", fmt::format("{} {}: not a range lo,hi with lo below hi, in mm", option, text), {},
-                fmt::format("write {} -600,600", option));
+using machine::Coordinate;
+
+bool is_angle(Coordinate c) {
+  return c >= Coordinate::a;
+}
+
+/// "--x", "--a".
+std::string option_of(Coordinate c) {
+  return fmt::format("--{}", "xyzabc"[static_cast<std::size_t>(c)]);
+}
+
+/// "lo,hi" in mm or deg. Errors: AP100, AP141.
+Result<std::array<double, 2>> range_of(const std::string& text, Coordinate c) {
+  POLYPOD_ASSIGN(n, numbers_of(text, option_of(c)));
+  const double farthest = is_angle(c) ? kFarthest_deg : kFarthest_mm;
+  if (n.size() != 2 || !(n[0] < n[1]) || std::abs(n[0]) > farthest || std::abs(n[1]) > farthest) {
+    return fail("AP141",
+                fmt::format("{} {}: not a range lo,hi with lo below hi, in {}", option_of(c), text, pages::unit_of(c)),
+                {}, fmt::format("write {} {}", option_of(c), is_angle(c) ? "-30,30" : "-600,600"));
   }
+  if (is_angle(c)) return std::array{units::from_deg(n[0]), units::from_deg(n[1])};
   return std::array{units::from_mm(n[0]), units::from_mm(n[1])};
 }
 
@@ -58,78 +73,141 @@ statics::Rectangle measured_rectangle(const pages::ComplianceMap& map, const Mea
   return out;
 }
 
-/// Those over whose coordinates the task goes, the usual one first.
-std::vector<statics::Plane> planes_of(const machine::Task& task) {
-  std::vector<statics::Plane> out;
-  for (const statics::Plane plane : {statics::Plane::xy, statics::Plane::xz, statics::Plane::yz}) {
-    const statics::PlaneAxes axes = statics::axes_of(plane);
-    if (task.holds(static_cast<machine::Coordinate>(axes.u)) && task.holds(static_cast<machine::Coordinate>(axes.v)))
-      out.push_back(plane);
+/// The plane over which the map goes: as --plane says, else that of the measured points, else the usual one.
+Result<statics::Plane> plane_of(const MapOptions& o, const machine::Task& task, const Measured& measured) {
+  const std::vector<statics::Plane> planes = statics::planes_of(task);
+  if (planes.empty()) {
+    return fail("WS107", "the machine's task holds one coordinate alone: a map goes over two", {},
+                "`polypod compliance --pose` answers for one pose");
   }
-  return out;
-}
-
-/// The plane, where it lies and how far the map goes: those of the measured points, if there are any. `found` is false
-/// where the machine reaches nothing of it.
-Status lay_plane(const MapOptions& o, const Mat3& R_MT, const Measured& measured, pages::ComplianceMap& map,
-                 bool& found) {
-  const auto first = pages::measured_plane(measured);
-  const std::vector<statics::Plane> planes = planes_of(kinematics::task(map.machine));
-  map.plane = planes.front();
   if (!o.plane.empty()) {
     const auto plane = statics::plane_named(o.plane);
-    if (!plane) return fail("AP140", fmt::format("--plane {}: not xy, xz or yz", o.plane));
-    map.plane = *plane;
-    if (std::find(planes.begin(), planes.end(), *plane) == planes.end()) {
-      return fail("AP140", fmt::format("--plane {}: this machine's task goes over {} alone", o.plane,
-                                       statics::name_of(planes.front())));
+    if (!plane) {
+      return fail("AP140", fmt::format("--plane {}: not two of x, y, z, A, B, C in this order", o.plane), {},
+                  fmt::format("write --plane {}", statics::name_of(planes.front())));
     }
-  } else if (first) {
-    map.plane = first->plane;
-  } else if (!measured.empty() && o.at.empty()) {
+    if (std::find(planes.begin(), planes.end(), *plane) == planes.end()) {
+      std::string names;
+      for (const statics::Plane& p : planes) names += (names.empty() ? "" : ", ") + statics::name_of(p);
+      return fail("AP140", fmt::format("--plane {}: this machine's task goes over {} alone", o.plane, names));
+    }
+    if (!measured.empty() && !plane->of_positions()) {
+      return fail("AP140", fmt::format("--plane {}: measured points are shown over positions", o.plane), {},
+                  "choose xy, xz or yz, or leave --measured out");
+    }
+    return *plane;
+  }
+  if (const auto first = pages::measured_plane(measured)) return first->plane;
+  if (!measured.empty() && o.at.empty()) {
     return fail("AP148", "no plane parallel to two axes holds the first measured point and others round it",
                 measured.front().place, "say over which plane with --plane and --at");
   }
-  const statics::PlaneAxes axes = statics::axes_of(map.plane);
-  map.at =
-      measured.empty() ? kinematics::middle_of_work(map.machine)[axes.normal] : measured.front().X_MT.p[axes.normal];
-  if (!o.at.empty()) {
-    if (planes.size() == 1) {
-      return fail("AP141", fmt::format("--at {}: this machine does not move along {}", o.at, "xyz"[axes.normal]), {},
-                  "leave --at out");
-    }
-    POLYPOD_ASSIGN(at, numbers_of(o.at, "--at"));
-    if (at.size() != 1 || std::abs(at[0]) > kFarthest_mm) {
-      return fail("AP141", fmt::format("--at {}: not one coordinate, in mm", o.at));
-    }
-    map.at = units::from_mm(at[0]);
-  }
-  const auto option = [](int axis) { return fmt::format("--{}", "xyz"[axis]); };
-  const auto text = [&](int axis) { return o.range[static_cast<std::size_t>(axis)]; };
-  if (!text(axes.normal).empty()) {
+  return planes.front();
+}
+
+/// Refuses a range of a coordinate over which the map does not go. Error: AP141.
+Status ranges_fit(const MapOptions& o, const statics::Plane& plane) {
+  for (std::size_t i = 0; i < o.range.size(); ++i) {
+    const auto c = static_cast<Coordinate>(i);
+    if (o.range[i].empty() || c == plane.u || c == plane.v) continue;
     return fail("AP141",
-                fmt::format("{} {}: a map over the plane {} has no range of {}", option(axes.normal), text(axes.normal),
-                            statics::name_of(map.plane), "xyz"[axes.normal]),
-                {}, fmt::format("say where the plane lies with --at, or choose another --plane"));
+                fmt::format("{} {}: a map over {} has no range of {}", option_of(c), o.range[i],
+                            statics::name_of(plane), machine::name_of(c)),
+                {}, "say where the others stand with --at and --angles, or choose another --plane");
   }
+  return {};
+}
+
+/// The angles across the plane, in the order of the task. Error: AP147.
+Status turn(const MapOptions& o, const machine::Task& task, const statics::Plane& plane,
+            std::vector<double>& coordinates) {
+  if (o.angles.empty()) return {};
+  std::vector<std::size_t> turned;
+  for (int i = 0; i < task.size(); ++i)
+    if (task.is_angle(i) && task[i] != plane.u && task[i] != plane.v) turned.push_back(static_cast<std::size_t>(i));
+  POLYPOD_ASSIGN(angles, numbers_of(o.angles, "--angles"));
+  if (angles.size() > turned.size()) {
+    return fail("AP147",
+                fmt::format("--angles {}: {} numbers, but {} {}", o.angles, angles.size(),
+                            plane.of_positions() ? "this machine turns its tool by" : "angles beside the map's own are",
+                            turned.size()));
+  }
+  for (std::size_t i = 0; i < turned.size(); ++i)
+    coordinates[turned[i]] = i < angles.size() ? units::from_deg(angles[i]) : 0.0;
+  return {};
+}
+
+/// Where a plane of positions lies. Error: AP141.
+Result<double> at_of(const MapOptions& o, const machine::AnyMachine& m, const statics::Plane& plane,
+                     const Measured& measured) {
+  const int normal = statics::axes_of(plane).normal;
+  if (o.at.empty()) return measured.empty() ? kinematics::middle_of_work(m)[normal] : measured.front().X_MT.p[normal];
+  if (!kinematics::task(m).holds(static_cast<Coordinate>(normal))) {
+    return fail("AP141", fmt::format("--at {}: this machine does not move along {}", o.at, "xyz"[normal]), {},
+                "leave --at out");
+  }
+  POLYPOD_ASSIGN(at, numbers_of(o.at, "--at"));
+  if (at.size() != 1 || std::abs(at[0]) > kFarthest_mm) {
+    return fail("AP141", fmt::format("--at {}: not one coordinate, in mm", o.at));
+  }
+  return units::from_mm(at[0]);
+}
+
+/// Where the positions across two coordinates of the task stand: as they are, or as --at says. Error: AP141.
+Status stand(const MapOptions& o, const machine::Task& task, const statics::Plane& plane,
+             std::vector<double>& coordinates) {
+  if (o.at.empty()) return {};
+  std::string names;
+  std::vector<std::size_t> positions;
+  for (int i = 0; i < task.size(); ++i) {
+    if (task.is_angle(i) || task[i] == plane.u || task[i] == plane.v) continue;
+    positions.push_back(static_cast<std::size_t>(i));
+    names += fmt::format("{}{}", names.empty() ? "" : ",", machine::name_of(task[i]));
+  }
+  POLYPOD_ASSIGN(at, numbers_of(o.at, "--at"));
+  const bool far = std::any_of(at.begin(), at.end(), [](double x) { return std::abs(x) > kFarthest_mm; });
+  if (at.size() != positions.size() || far) {
+    return fail("AP141", names.empty() ? fmt::format("--at {}: no position stands beside a map over {}", o.at,
+                                                     statics::name_of(plane))
+                                       : fmt::format("--at {}: not {}, in mm", o.at, names));
+  }
+  for (std::size_t i = 0; i < at.size(); ++i) coordinates[positions[i]] = units::from_mm(at[i]);
+  return {};
+}
+
+/// Where the plane lies and how far the map goes: those of the measured points, if there are any. `found` is false
+/// where the machine reaches nothing of it.
+Status lay_plane(const MapOptions& o, const Mat3& R_MT, const Measured& measured, pages::ComplianceMap& map,
+                 bool& found) {
+  if (map.plane.of_positions()) {
+    POLYPOD_ASSIGN(at, at_of(o, map.machine, map.plane, measured));
+    map.at = at;
+  } else {
+    POLYPOD_TRY(stand(o, kinematics::task(map.machine), map.plane, map.coordinates));
+  }
+  const auto text = [&](Coordinate c) { return o.range[static_cast<std::size_t>(c)]; };
   found = true;
   if (!measured.empty()) {
     map.rectangle = measured_rectangle(map, measured);
-  } else if (text(axes.u).empty() || text(axes.v).empty()) {
-    const auto reached = statics::reached_rectangle(map.machine, map.plane, map.at, R_MT);
+  } else if (text(map.plane.u).empty() || text(map.plane.v).empty()) {
+    const auto reached = map.plane.of_positions()
+                             ? statics::reached_rectangle(map.machine, map.plane, map.at, R_MT)
+                             : statics::reached_rectangle(map.machine, {map.plane, map.coordinates});
     found = reached.has_value();
     if (found) map.rectangle = *reached;
   }
-  for (const auto& [axis, range] : {std::pair{axes.u, &map.rectangle.u}, std::pair{axes.v, &map.rectangle.v}}) {
-    if (text(axis).empty()) continue;
-    POLYPOD_ASSIGN(given, range_of(text(axis), option(axis)));
+  for (const auto& [c, range] : {std::pair{map.plane.u, &map.rectangle.u}, std::pair{map.plane.v, &map.rectangle.v}}) {
+    if (text(c).empty()) continue;
+    POLYPOD_ASSIGN(given, range_of(text(c), c));
     *range = given;
   }
   return {};
 }
 
-/// "N" (points on the longer side, square cells as far as whole numbers allow) or "columns,rows". Error: AP142.
-Result<std::array<int, 2>> resolution_of(const std::string& text, const statics::Rectangle& r) {
+/// "N" (points on the longer side, square cells as far as whole numbers allow; on both where one is a length and one an
+/// angle) or "columns,rows". Error: AP142.
+Result<std::array<int, 2>> resolution_of(const std::string& text, const statics::Plane& plane,
+                                         const statics::Rectangle& r) {
   POLYPOD_ASSIGN(n, numbers_of(text, "--resolution"));
   const auto bad = [](double x) { return !(x >= 2 && x <= kMostPerSide && x == std::floor(x)); };
   if (n.size() > 2 || std::any_of(n.begin(), n.end(), bad)) {
@@ -137,6 +215,7 @@ Result<std::array<int, 2>> resolution_of(const std::string& text, const statics:
                 {}, "points on the longer side, or columns,rows");
   }
   if (n.size() == 2) return std::array{static_cast<int>(n[0]), static_cast<int>(n[1])};
+  if (is_angle(plane.u) != is_angle(plane.v)) return std::array{static_cast<int>(n[0]), static_cast<int>(n[0])};
   return pages::grid_counts(r, static_cast<int>(n[0]));
 }
 
@@ -303,35 +382,52 @@ Json measured_json(const pages::MeasuredCompliance& m) {
 }
 
 Json map_json(const pages::ComplianceMap& map, const std::vector<std::string>& written) {
-  const statics::PlaneAxes axes = statics::axes_of(map.plane);
-  const auto range = [](const std::array<double, 2>& r) { return Json::array({tidy_mm(r[0]), tidy_mm(r[1])}); };
+  const bool over_positions = map.plane.of_positions();
+  const auto key_of = [](Coordinate c) {
+    return fmt::format("{}_{}", "xyzabc"[static_cast<std::size_t>(c)], pages::unit_of(c));
+  };
+  const auto range = [](Coordinate c, const std::array<double, 2>& r) {
+    return Json::array({pages::tidy(c, r[0]), pages::tidy(c, r[1])});
+  };
   Json fields = Json::object();
   for (const pages::Field& f : pages::fields_of(map)) {
     const pages::Extremes e = pages::extremes_of(f.values);
     if (e.min_at < 0) continue;
-    const auto place = [&](int point) { return mm_json(map.map.points[static_cast<std::size_t>(point)].p_M); };
-    fields[f.key] = {{"min", e.min},
-                     {"min_at_mm", place(e.min_at)},
-                     {"mean", e.mean},
-                     {"max", e.max},
-                     {"max_at_mm", place(e.max_at)}};
+    const auto place = [&](int point) -> Json {
+      if (over_positions) return mm_json(map.map.points[static_cast<std::size_t>(point)].p_M);
+      return pages::coordinates_at(map, point);
+    };
+    const std::string at = over_positions ? "_at_mm" : "_at";
+    fields[f.key] = {
+        {"min", e.min}, {"min" + at, place(e.min_at)}, {"mean", e.mean}, {"max", e.max}, {"max" + at, place(e.max_at)}};
+  }
+  // Of other planes where every coordinate beside the two stands.
+  Json at = Json::object();
+  const machine::Task task = kinematics::task(map.machine);
+  for (int i = 0; !over_positions && i < task.size(); ++i) {
+    if (task[i] != map.plane.u && task[i] != map.plane.v)
+      at[key_of(task[i])] = pages::tidy(task[i], map.coordinates[static_cast<std::size_t>(i)]);
   }
   Json paths = Json::array();
   for (const pages::LoadedPath& path : map.paths) paths.push_back(path_json(map, path));
-  Json document{{"machine", machine::name_of(map.machine)},
-                {"plane", statics::name_of(map.plane)},
-                {"at_mm", tidy_mm(map.at)},
-                {"angles_deg", map.angles_deg},
-                {"grid",
-                 {{fmt::format("{}_mm", "xyz"[axes.u]), range(map.rectangle.u)},
-                  {fmt::format("{}_mm", "xyz"[axes.v]), range(map.rectangle.v)},
-                  {"columns", map.map.grid.columns},
-                  {"rows", map.map.grid.rows}}},
-                {"points", map.map.points.size()},
-                {"out_of_reach", map.map.points.size() - static_cast<std::size_t>(pages::reached(map.map))},
-                {"fields", fields},
-                {"paths", paths},
-                {"files", written}};
+  Json document{{"machine", machine::name_of(map.machine)}, {"plane", statics::name_of(map.plane)}};
+  if (over_positions) {
+    document["at_mm"] = tidy_mm(map.at);
+    document["angles_deg"] = map.angles_deg;
+  } else {
+    document["at"] = at;
+  }
+  document.update({{"grid",
+                    {{key_of(map.plane.u), range(map.plane.u, map.rectangle.u)},
+                     {key_of(map.plane.v), range(map.plane.v, map.rectangle.v)},
+                     {"columns", map.map.grid.columns},
+                     {"rows", map.map.grid.rows}}},
+                   {"points", map.map.points.size()},
+                   {"out_of_reach", map.map.points.size() - static_cast<std::size_t>(pages::reached(map.map))},
+                   {"both_signs_of_det_J", pages::both_signs(map)},
+                   {"fields", fields},
+                   {"paths", paths},
+                   {"files", written}});
   if (map.measured) document["measured"] = measured_json(*map.measured);
   return document;
 }
@@ -353,13 +449,15 @@ void print_measured(const pages::ComplianceMap& map) {
 }
 
 void print_table(const pages::ComplianceMap& map) {
-  const statics::PlaneAxes axes = statics::axes_of(map.plane);
   const auto place = [&](int point) {
-    const Vec3& p = map.map.points[static_cast<std::size_t>(point)].p_M;
-    const auto hundredths = [](double mm) { return std::round(mm * 100) / 100; };
-    return fmt::format("{:g}, {:g}", hundredths(tidy_mm(p[axes.u])), hundredths(tidy_mm(p[axes.v])));
+    const auto [u, v] = pages::coordinates_at(map, point);
+    const auto hundredths = [](double value) { return std::round(value * 100) / 100; };
+    return fmt::format("{:g}, {:g}", hundredths(u), hundredths(v));
   };
-  const std::string at = fmt::format("at {}, {} mm", "xyz"[axes.u], "xyz"[axes.v]);
+  const char *u_unit = pages::unit_of(map.plane.u), *v_unit = pages::unit_of(map.plane.v);
+  const std::string at =
+      fmt::format("at {}{}, {} {}", machine::name_of(map.plane.u), u_unit == v_unit ? "" : fmt::format(" {}", u_unit),
+                  machine::name_of(map.plane.v), v_unit);
   fmt::print("{:<20}{:>10}  {:<16}{:>10}{:>10}  {}\n", "", "min", at, "mean", "max", at);
   for (const pages::Field& f : pages::fields_of(map)) {
     const pages::Extremes e = pages::extremes_of(f.values);
@@ -398,18 +496,22 @@ void print_path(const pages::ComplianceMap& map, const pages::LoadedPath& path) 
 }
 
 void print_map(const MapOptions& o, const pages::ComplianceMap& map) {
-  const statics::PlaneAxes axes = statics::axes_of(map.plane);
   const std::string orientation = pages::orientation_of(map);
-  fmt::print("{} over the plane {}{}\n", one_line(machine::name_of(map.machine)), pages::place_of(map),
+  fmt::print("{} over {}{}\n", one_line(machine::name_of(map.machine)), pages::domain_of(map),
              orientation.empty() ? "" : ", " + orientation);
-  const auto range = [](const std::array<double, 2>& r) {
-    return fmt::format("{:g} .. {:g}", tidy_mm(r[0]), tidy_mm(r[1]));
+  const statics::Plane& plane = map.plane;
+  const auto range = [](Coordinate c, const std::array<double, 2>& r) {
+    return fmt::format("{} {:g} .. {:g}", machine::name_of(c), pages::tidy(c, r[0]), pages::tidy(c, r[1]));
   };
+  const std::string u = range(plane.u, map.rectangle.u), v = range(plane.v, map.rectangle.v);
+  const std::string ranges = is_angle(plane.u) == is_angle(plane.v)
+                                 ? fmt::format("{}, {} {}", u, v, pages::unit_of(plane.v))
+                                 : fmt::format("{} {}, {} {}", u, pages::unit_of(plane.u), v, pages::unit_of(plane.v));
   const std::size_t out = map.map.points.size() - static_cast<std::size_t>(pages::reached(map.map));
-  fmt::print("{} {}, {} {} mm: {} x {} points, {} out of reach\n\n", "xyz"[axes.u], range(map.rectangle.u),
-             "xyz"[axes.v], range(map.rectangle.v), map.map.grid.columns, map.map.grid.rows,
+  fmt::print("{}: {} x {} points, {} out of reach\n\n", ranges, map.map.grid.columns, map.map.grid.rows,
              out == 0 ? std::string("none") : std::to_string(out));
   print_table(map);
+  if (pages::both_signs(map)) fmt::print("\n{}\n", pages::kBothSigns);
   if (map.measured) print_measured(map);
   for (const pages::LoadedPath& path : map.paths) print_path(map, path);
   for (const std::string& path : o.outputs) fmt::print("wrote {}\n", path);
@@ -440,39 +542,35 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
   const SingularNote singular(m, context);
   if (const auto no = singular.refusal({"fields"})) return *no;
   const machine::Task task = kinematics::task(m);
-  if (planes_of(task).empty()) {
-    return fail(
-        "WS107",
-        fmt::format("{} does not hold two of x, y, z in its task: there is no map over positions", machine::name_of(m)),
-        {}, "`polypod compliance --pose` answers for one pose");
-  }
-  std::vector<std::size_t> turned;  // the coordinates that are angles
-  for (int i = 0; i < task.size(); ++i)
-    if (task.is_angle(i)) turned.push_back(static_cast<std::size_t>(i));
-  std::vector<double> coordinates(static_cast<std::size_t>(task.size()), 0.0);
+  POLYPOD_ASSIGN(plane, plane_of(o, task, measured));
+  map.plane = plane;
+  POLYPOD_TRY(ranges_fit(o, plane));
+  std::vector<double> coordinates = statics::middle_coordinates(m);
   if (!measured.empty()) coordinates = kinematics::coordinates_of(task, measured.front().X_MT);
-  for (const std::size_t i : turned) map.angles_deg.push_back(units::to_deg(coordinates[i]) + 0.0);
-  if (!o.angles.empty()) {
-    POLYPOD_ASSIGN(angles, numbers_of(o.angles, "--angles"));
-    if (angles.size() > turned.size()) {
-      return fail("AP147", fmt::format("--angles {}: {} numbers, but this machine turns its tool by {}", o.angles,
-                                       angles.size(), turned.size()));
-    }
-    map.angles_deg = angles;
-    map.angles_deg.resize(turned.size(), 0.0);
-    for (std::size_t i = 0; i < turned.size(); ++i) coordinates[turned[i]] = units::from_deg(map.angles_deg[i]);
+  POLYPOD_TRY(turn(o, task, plane, coordinates));
+  if (plane.of_positions()) {
+    for (int i = 0; i < task.size(); ++i)
+      if (task.is_angle(i)) map.angles_deg.push_back(pages::tidy(task[i], coordinates[static_cast<std::size_t>(i)]));
   }
+  map.coordinates = coordinates;
   const Mat3 R_MT = kinematics::pose_of(task, coordinates).R;
   if (!measured.empty()) POLYPOD_TRY(same_axis(R_MT, measured.front(), map));
 
   POLYPOD_ASSIGN(paths, paths_of(o));
+  if (!paths.empty() && !plane.of_positions()) {
+    return fail("AP144",
+                fmt::format("--path: a map over {} has no paths; they go through positions", statics::name_of(plane)),
+                {}, "choose --plane xy, xz or yz");
+  }
   if (!paths.empty()) POLYPOD_TRY(needs_compliance(m));
   bool found = false;
   POLYPOD_TRY(lay_plane(o, R_MT, measured, map, found));
-  POLYPOD_ASSIGN(count, resolution_of(o.resolution, map.rectangle));
+  POLYPOD_ASSIGN(count, resolution_of(o.resolution, plane, map.rectangle));
   if (found) {
-    const statics::PlaneGrid grid = statics::plane_grid(map.plane, map.at, map.rectangle, count[0], count[1]);
-    map.map = statics::compliance_map(m, grid, R_MT);
+    map.map =
+        plane.of_positions()
+            ? statics::compliance_map(m, statics::plane_grid(plane, map.at, map.rectangle, count[0], count[1]), R_MT)
+            : statics::compliance_map(m, {plane, map.coordinates}, map.rectangle, count[0], count[1]);
     found = pages::reached(map.map) > 0;
   }
   const auto out_of_reach = [&](const std::string& what) {
@@ -481,7 +579,7 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
     if (context.json) print_json(singular.in(map_json(map, {})));
     return kAnswerIsNo;
   };
-  if (!found) return out_of_reach("the plane " + pages::place_of(map));
+  if (!found) return out_of_reach(pages::domain_of(map));
   for (std::size_t k = 0; k < paths.size(); ++k) {
     pages::LoadedPath& path = paths[k];
     path.points = statics::path_error(m, path.from_M, path.to_M, o.points, R_MT, path.force_M);
@@ -520,7 +618,8 @@ Result<int> run_map(const MapOptions& o, const Context& context) {
 Command map_command() {
   auto o = std::make_shared<MapOptions>();
   return {
-      "map", "Maps over a plane: compliances, det J, each joint's contribution, errors along straight paths",
+      "map",
+      "Maps over a plane or over tilts: compliances, det J, each joint's contribution, errors along straight paths",
       "polypod map lola50 --at 0 --x -600,600 --y -1600,-1000 -o map.html",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);
@@ -528,13 +627,21 @@ Command map_command() {
             "--measured", o->measured,
             "Displacements measured under known forces (CSV files as for identify compliance), to be shown beside "
             "the computed compliances; plane, range and orientation are theirs if not given");
-        a.option("--plane", o->plane, "xy (default), xz or yz of M");
+        a.option("--plane", o->plane,
+                 "Two coordinates of the task: xy (default), xz or yz of M, AB for the tilts (default where the task "
+                 "does not hold two of x, y, z), or one of each, such as zA");
         a.option("--at", o->at,
-                 "The plane's third coordinate, mm (default: a hexapod's tool at home, the origin of M of an arm)");
+                 "The plane's third coordinate, mm; of a map over angles where the tool tip stands, x,y,z as far as "
+                 "the task holds them (default: a hexapod's tool at home, the origin of M of an arm)");
         a.option("--x", o->range[0], "lo,hi: range of x, mm (default: what is reached of the plane)");
         a.option("--y", o->range[1], "lo,hi: range of y, mm");
         a.option("--z", o->range[2], "lo,hi: range of z, mm");
-        a.option("--angles", o->angles, "A,B[,C]: orientation of the tool, deg (default 0)");
+        a.option("--a", o->range[3], "lo,hi: range of A, deg (default: what is reached within -45 .. 45)");
+        a.option("--b", o->range[4], "lo,hi: range of B, deg");
+        a.option("--c", o->range[5], "lo,hi: range of C, deg (default: what is reached within -180 .. 180)");
+        a.option("--angles", o->angles,
+                 "A,B[,C]: orientation of the tool, deg (default 0); of a map over angles those that it does not go "
+                 "over");
         a.option("--resolution", o->resolution, "Points on the longer side, 2 to 301 (default 41), or columns,rows");
         a.option("--path", o->paths, "x,y,z:x,y,z: a straight path, mm, for the error under --force (repeatable)");
         a.option("--force", o->force, "Fx,Fy,Fz: constant force on the tool along the paths, in M, N");

@@ -46,6 +46,8 @@ std::string shown_unit(const Field& field);
 std::string given(double value);
 /// "z = 0 mm".
 std::string shown_place(const ComplianceMap& map);
+/// "the plane z = 0 mm".
+std::string shown_domain(const ComplianceMap& map);
 /// A field over the plane, with the paths.
 report::HeatMap heat_of(const ComplianceMap& map, const Field& field);
 

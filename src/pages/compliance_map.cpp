@@ -159,8 +159,59 @@ double tidy_mm(double metres) {
   return std::round(to_mm(metres) * 1e9) / 1e9 + 0.0;
 }
 
+bool both_signs(const ComplianceMap& map) {
+  bool positive = false, negative = false;
+  double largest = 0;
+  for (const statics::MapPoint& p : map.map.points)
+    if (p.compliance.reachable) largest = std::max(largest, std::abs(p.determinant));
+  // What is rounding of 0 has no sign.
+  for (const statics::MapPoint& p : map.map.points) {
+    if (!p.compliance.reachable) continue;
+    positive = positive || p.determinant > 1e-12 * largest;
+    negative = negative || p.determinant < -1e-12 * largest;
+  }
+  return positive && negative;
+}
+
+double tidy(machine::Coordinate coordinate, double value) {
+  return coordinate < machine::Coordinate::a ? tidy_mm(value) : std::round(units::to_deg(value) * 1e9) / 1e9 + 0.0;
+}
+
+const char* unit_of(machine::Coordinate coordinate) {
+  return coordinate < machine::Coordinate::a ? "mm" : "deg";
+}
+
+std::array<double, 2> coordinates_at(const ComplianceMap& map, int point) {
+  const auto along = [](const std::array<double, 2>& range, int i, int n) {
+    return range[0] + (range[1] - range[0]) * (n > 1 ? double(i) / (n - 1) : 0.0);
+  };
+  const int columns = map.map.grid.columns;
+  return {tidy(map.plane.u, along(map.rectangle.u, point % columns, columns)),
+          tidy(map.plane.v, along(map.rectangle.v, point / columns, map.map.grid.rows))};
+}
+
+std::string domain_of(const ComplianceMap& map) {
+  if (map.plane.of_positions()) return "the plane " + place_of(map);
+  const std::string place = place_of(map);
+  return fmt::format("{} and {}{}{}", machine::name_of(map.plane.u), machine::name_of(map.plane.v),
+                     place.empty() ? "" : " at ", place);
+}
+
 std::string place_of(const ComplianceMap& map) {
-  return fmt::format("{} = {:g} mm", "xyz"[statics::axes_of(map.plane).normal], tidy_mm(map.at));
+  if (map.plane.of_positions())
+    return fmt::format("{} = {:g} mm", "xyz"[statics::axes_of(map.plane).normal], tidy_mm(map.at));
+  const machine::Task task = kinematics::task(map.machine);
+  std::string out;
+  const char* unit = nullptr;  // of what stands there
+  for (int i = 0; i < task.size(); ++i) {
+    if (task[i] == map.plane.u || task[i] == map.plane.v) continue;
+    const char* own = unit_of(task[i]);
+    if (unit != nullptr && unit != own) out += fmt::format(" {}", unit);
+    out += fmt::format("{}{} = {:g}", out.empty() ? "" : ", ", machine::name_of(task[i]),
+                       tidy(task[i], map.coordinates[static_cast<std::size_t>(i)]));
+    unit = own;
+  }
+  return unit == nullptr ? out : fmt::format("{} {}", out, unit);
 }
 
 std::string orientation_of(const ComplianceMap& map) {
@@ -185,13 +236,38 @@ std::array<int, 2> grid_counts(const statics::Rectangle& r, int longer_side) {
 
 std::string map_csv(const ComplianceMap& map) {
   const std::vector<Field> fields = fields_of(map);
-  std::vector<std::string> columns{"x_mm", "y_mm", "z_mm", "reachable"};
+  const bool over_task = !map.plane.of_positions();
+  std::vector<std::string> columns;
+  if (over_task) {
+    for (const machine::Coordinate c : {map.plane.u, map.plane.v})
+      columns.push_back(fmt::format("{}_{}", machine::name_of(c), unit_of(c)));
+  }
+  // Not again where it is one of the two.
+  std::vector<int> positions;
+  for (const machine::Coordinate c : {machine::Coordinate::x, machine::Coordinate::y, machine::Coordinate::z}) {
+    if (over_task && (c == map.plane.u || c == map.plane.v)) continue;
+    columns.push_back(fmt::format("{}_mm", machine::name_of(c)));
+    positions.push_back(static_cast<int>(c));
+  }
+  columns.emplace_back("reachable");
   for (const Field& f : fields) columns.push_back(f.key);
+  const machine::Task task = kinematics::task(map.machine);
   report::Csv csv(columns);
   for (std::size_t i = 0; i < map.map.points.size(); ++i) {
     const statics::MapPoint& point = map.map.points[i];
-    std::vector<report::Csv::Field> row{tidy_mm(point.p_M.x()), tidy_mm(point.p_M.y()), tidy_mm(point.p_M.z()),
-                                        point.compliance.reachable ? 1.0 : 0.0};
+    std::vector<report::Csv::Field> row;
+    if (over_task) {
+      for (const double c : coordinates_at(map, static_cast<int>(i))) row.emplace_back(c);
+    }
+    for (const int axis : positions) {
+      // What follows from the machine is not known where it does not stand.
+      if (over_task && !point.compliance.reachable && !task.holds(static_cast<machine::Coordinate>(axis))) {
+        row.emplace_back(kNone);
+      } else {
+        row.emplace_back(tidy_mm(point.p_M[axis]));
+      }
+    }
+    row.emplace_back(point.compliance.reachable ? 1.0 : 0.0);
     for (const Field& f : fields) row.emplace_back(f.values[i]);
     csv.add(row);
   }
@@ -225,15 +301,21 @@ std::string path_csv(const ComplianceMap& map) {
 
 Result<std::string> map_vti(const ComplianceMap& map) {
   const statics::PlaneGrid& grid = map.map.grid;
-  const statics::PlaneAxes axes = statics::axes_of(map.plane);
   report::VtkImage image;
-  for (int i = 0; i < 3; ++i) image.origin[static_cast<std::size_t>(i)] = tidy_mm(grid.origin[i]);
-  const auto side = [&](int axis, const std::array<double, 2>& range, int count) {
-    image.points[static_cast<std::size_t>(axis)] = count;
-    image.spacing[static_cast<std::size_t>(axis)] = tidy_mm((range[1] - range[0]) / (count - 1));
+  const auto side = [&](std::size_t axis, machine::Coordinate c, const std::array<double, 2>& range, int count) {
+    image.origin[axis] = tidy(c, range[0]);
+    image.points[axis] = count;
+    image.spacing[axis] = tidy(c, (range[1] - range[0]) / (count - 1));
   };
-  side(axes.u, map.rectangle.u, grid.columns);
-  side(axes.v, map.rectangle.v, grid.rows);
+  if (map.plane.of_positions()) {
+    const statics::PlaneAxes axes = statics::axes_of(map.plane);
+    image.origin[static_cast<std::size_t>(axes.normal)] = tidy_mm(map.at);
+    side(static_cast<std::size_t>(axes.u), map.plane.u, map.rectangle.u, grid.columns);
+    side(static_cast<std::size_t>(axes.v), map.plane.v, map.rectangle.v, grid.rows);
+  } else {
+    side(0, map.plane.u, map.rectangle.u, grid.columns);
+    side(1, map.plane.v, map.rectangle.v, grid.rows);
+  }
   for (Field& f : fields_of(map)) image.arrays.push_back({std::move(f.key), 1, std::move(f.values)});
   if (statics::has_compliance(map.machine)) {
     report::VtkArray tensor{"compliance_um_per_N", 9, {}};

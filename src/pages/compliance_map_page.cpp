@@ -19,9 +19,12 @@ using report::HeatMap;
 
 std::string shown_unit(const Field& f) {
   if (f.kind != Field::Kind::determinant) return "µm/N";
-  if (f.unit == "m^3") return "m³";
-  if (f.unit == "m^-3") return "m⁻³";
-  return f.unit;
+  const std::size_t power = f.unit.find('^');
+  if (power == std::string::npos) return f.unit;
+  constexpr const char* kRaised[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
+  std::string out = f.unit.substr(0, power);
+  for (const char c : f.unit.substr(power + 1)) out += c == '-' ? "⁻" : kRaised[c - '0'];
+  return out;
 }
 
 std::string symbol(const Field& f) {
@@ -34,7 +37,15 @@ std::string given(double value) {
 }
 
 std::string shown_place(const ComplianceMap& map) {
-  return fmt::format("{} = {} mm", "xyz"[statics::axes_of(map.plane).normal], given(tidy_mm(map.at)));
+  std::string out = place_of(map);
+  for (std::size_t i = out.find('-'); i != std::string::npos; i = out.find('-', i)) out.replace(i, 1, "−");
+  return out;
+}
+
+std::string shown_domain(const ComplianceMap& map) {
+  std::string out = domain_of(map);
+  for (std::size_t i = out.find('-'); i != std::string::npos; i = out.find('-', i)) out.replace(i, 1, "−");
+  return out;
 }
 
 void ColourScale::add(const std::vector<double>& values) {
@@ -53,17 +64,20 @@ void ColourScale::set(HeatMap& map, bool round_zero) const {
 }
 
 HeatMap heat_of(const ComplianceMap& map, const Field& f) {
-  const statics::PlaneAxes axes = statics::axes_of(map.plane);
   HeatMap out;
   out.title = fmt::format("{}{}{}", f.joint, f.joint.empty() ? "" : ": ", f.name);
-  out.x = {std::string(1, "xyz"[axes.u]), "mm", tidy_mm(map.rectangle.u[0]), tidy_mm(map.rectangle.u[1])};
-  out.y = {std::string(1, "xyz"[axes.v]), "mm", tidy_mm(map.rectangle.v[0]), tidy_mm(map.rectangle.v[1])};
+  const auto side = [](machine::Coordinate c, const std::array<double, 2>& range) {
+    return report::Axis{machine::name_of(c), unit_of(c), tidy(c, range[0]), tidy(c, range[1])};
+  };
+  out.x = side(map.plane.u, map.rectangle.u);
+  out.y = side(map.plane.v, map.rectangle.v);
   out.columns = map.map.grid.columns;
   out.rows = map.map.grid.rows;
   out.values = f.values;
   out.unit = shown_unit(f);
   out.levels = 14;
   for (const LoadedPath& path : map.paths) {
+    const statics::PlaneAxes axes = statics::axes_of(map.plane);
     out.lines.push_back({"",
                          {{tidy_mm(path.from_M[axes.u]), tidy_mm(path.from_M[axes.v])},
                           {tidy_mm(path.to_M[axes.u]), tidy_mm(path.to_M[axes.v])}},
@@ -97,8 +111,8 @@ constexpr Colour kJointColours[] = {Colour::blue,   Colour::orange, Colour::gree
 constexpr Colour kPathColours[] = {Colour::sky,   Colour::vermillion, Colour::ink,
                                    Colour::green, Colour::purple,     Colour::orange};
 
-std::string range_mm(const std::array<double, 2>& range) {
-  return fmt::format("{} … {} mm", given(tidy_mm(range[0])), given(tidy_mm(range[1])));
+std::string range_of(machine::Coordinate c, const std::array<double, 2>& range) {
+  return fmt::format("{} … {} {}", given(tidy(c, range[0])), given(tidy(c, range[1])), unit_of(c));
 }
 /// Three numbers that stay on one line.
 std::string triple(const Vec3& v) {
@@ -195,10 +209,14 @@ std::string column_word(const ComplianceMap& map) {
 }
 
 Entries facts_of(const ComplianceMap& map, const std::string& version) {
-  const statics::PlaneAxes axes = statics::axes_of(map.plane);
-  Entries out{{"plane", shown_place(map) + ", in the machine's frame M"},
-              {std::string(1, "xyz"[axes.u]), range_mm(map.rectangle.u)},
-              {std::string(1, "xyz"[axes.v]), range_mm(map.rectangle.v)}};
+  Entries out;
+  if (map.plane.of_positions()) {
+    out.emplace_back("plane", shown_place(map) + ", in the machine's frame M");
+  } else {
+    out.emplace_back("over", shown_domain(map) + ", in the machine's frame M");
+  }
+  out.emplace_back(machine::name_of(map.plane.u), range_of(map.plane.u, map.rectangle.u));
+  out.emplace_back(machine::name_of(map.plane.v), range_of(map.plane.v, map.rectangle.v));
   if (!map.angles_deg.empty()) out.emplace_back("orientation", orientation_of(map));
   out.emplace_back("grid", fmt::format("{} × {} points", map.map.grid.columns, map.map.grid.rows));
   if (map.measured) out.emplace_back("measurements", map.measured->files);
@@ -225,9 +243,9 @@ class CompliancePart {
  private:
   [[nodiscard]] std::string word() const { return column_word(map_); }
   [[nodiscard]] std::string where(int point) const {
-    const Vec3& p = map_.map.points[static_cast<std::size_t>(point)].p_M;
-    const auto hundredths = [](double metres) { return given(std::round(tidy_mm(metres) * 100) / 100); };
-    return fmt::format("{},\u00a0{}", hundredths(p[axes_.u]), hundredths(p[axes_.v]));
+    const auto [u, v] = coordinates_at(map_, point);
+    const auto hundredths = [](double value) { return given(std::round(value * 100) / 100); };
+    return fmt::format("{},\u00a0{}", hundredths(u), hundredths(v));
   }
 
   void glance() {
@@ -259,9 +277,13 @@ class CompliancePart {
                           "alone. For the rest " +
                               compliant.error().hint + ".");
     }
+    if (both_signs(map_)) report_.add_verdict(Verdict::neutral, std::string(kBothSigns) + ".");
     Table table;
-    const std::string at = fmt::format("at {}, {}", "xyz"[axes_.u], "xyz"[axes_.v]);
-    table.columns = {{"", ""}, {"least", ""}, {at, "mm"}, {"mean", ""}, {"greatest", ""}, {at, "mm"}, {"unit", ""}};
+    const machine::Coordinate u = map_.plane.u, v = map_.plane.v;
+    const std::string at = fmt::format("at {}, {}", machine::name_of(u), machine::name_of(v));
+    std::string unit = unit_of(u);
+    if (unit != unit_of(v)) unit += fmt::format(", {}", unit_of(v));
+    table.columns = {{"", ""}, {"least", ""}, {at, unit}, {"mean", ""}, {"greatest", ""}, {at, unit}, {"unit", ""}};
     for (const Field& f : figures_.fields()) {
       if (f.kind != Kind::direct && f.kind != Kind::cross && f.kind != Kind::determinant) continue;
       const Extremes e = extremes_of(f.values);
@@ -308,7 +330,8 @@ class CompliancePart {
         "not "
         "constrain the tool (type 2, of machines with several legs).";
     // A square plane at full width would fill the screen.
-    if (map_.rectangle.v[1] - map_.rectangle.v[0] > 0.6 * (map_.rectangle.u[1] - map_.rectangle.u[0])) {
+    const auto side = [](machine::Coordinate c, const std::array<double, 2>& r) { return tidy(c, r[1] - r[0]); };
+    if (side(map_.plane.v, map_.rectangle.v) > 0.6 * side(map_.plane.u, map_.rectangle.u)) {
       report_.add_figure_grid(2, {{"", figures_.determinant_heat()}}, caption);
     } else {
       report_.add_figure(figures_.determinant_heat(), caption);
@@ -520,6 +543,18 @@ class CompliancePart {
       if (source != provenance.end())
         items.push_back(fmt::format("Compliances of the {}s: {}.", word(), source->second));
     }
+    if (!map_.plane.of_positions()) {
+      std::string follow;
+      const machine::Task task = kinematics::task(map_.machine);
+      for (int i = 0; i < 6; ++i) {
+        const auto c = static_cast<machine::Coordinate>(i);
+        if (!task.holds(c)) follow += fmt::format("{}{}", follow.empty() ? "" : ", ", machine::name_of(c));
+      }
+      if (!follow.empty()) {
+        items.push_back(fmt::format("{} {} as the machine settles; the table of points (CSV) has the position.", follow,
+                                    follow.size() == 1 ? "is" : "are"));
+      }
+    }
     items.emplace_back(
         "Each point is the first solution of the inverse kinematics that keeps all limits; points without one are "
         "blank.");
@@ -532,7 +567,6 @@ class CompliancePart {
   const ComplianceMap& map_;
   Figures figures_;
   bool compliant_;
-  statics::PlaneAxes axes_ = statics::axes_of(map_.plane);
   Report& report_;
 };
 
@@ -541,7 +575,7 @@ class CompliancePart {
 report::Figure map_picture(const ComplianceMap& map) {
   const Figures figures(map);
   report::PanelGrid grid;
-  grid.title = fmt::format("Compliance of {} over the plane {}", machine::name_of(map.machine), place_of(map));
+  grid.title = fmt::format("Compliance of {} over {}", machine::name_of(map.machine), domain_of(map));
   const auto add = [&](const Panels& panels, const char* what) {
     for (const auto& [name, figure] : panels) grid.panels.emplace_back(fmt::format("{}, {}", name, what), figure);
   };
@@ -559,9 +593,9 @@ report::Figure map_picture(const ComplianceMap& map) {
 
 std::string compliance_map_page(const ComplianceMap& map, const ComplianceMapPageOptions& options) {
   Report report("Compliance map of " + machine::name_of(map.machine),
-                fmt::format("Deflection of the tool centre point (TCP, tool tip) per newton over the plane {}, and "
+                fmt::format("Deflection of the tool centre point (TCP, tool tip) per newton over {}, and "
                             "which {} contributes most",
-                            shown_place(map), statics::has_compliance(map.machine) ? column_word(map) : "joint"),
+                            shown_domain(map), statics::has_compliance(map.machine) ? column_word(map) : "joint"),
                 facts_of(map, options.version));
   CompliancePart(report, map).add();
   if (!options.command.empty()) report.add_code("The command that made this page", options.command, false);

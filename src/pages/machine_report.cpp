@@ -115,30 +115,37 @@ class MachineReportPage {
       statics_.reason = compliant.error().message + "; " + compliant.error().hint;
       return;
     }
-    if (!task_.places()) {
+    const std::vector<statics::Plane> planes = statics::planes_of(task_);
+    if (planes.empty()) {
       statics_.reason =
-          "the task does not hold x, y, z: there is no map over positions; `polypod compliance --pose` "
-          "answers for one pose";
+          "the task holds one coordinate alone, and a map goes over two; `polypod compliance --pose` answers for one "
+          "pose";
       return;
     }
     constexpr int kLonger = 41;
-    const std::vector<double> zero(static_cast<std::size_t>(task_.size()), 0.0);
-    const Mat3 R_MT = kinematics::pose_of(task_, zero).R;
-    ComplianceMap map{machine_, statics::Plane::xy, kinematics::middle_of_work(machine_).z(), {}, {}, {}, {}, {}};
-    for (int i = 0; i < task_.size(); ++i)
-      if (task_.is_angle(i)) map.angles_deg.push_back(0);
-    const auto rectangle = statics::reached_rectangle(machine_, map.plane, map.at, R_MT);
+    ComplianceMap map{machine_, planes.front(), 0, {}, {}, {}, {}, {}, statics::middle_coordinates(machine_)};
+    const bool of_positions = map.plane.of_positions();
+    const Mat3 R_MT = kinematics::pose_of(task_, map.coordinates).R;
+    std::optional<statics::Rectangle> rectangle;
+    if (of_positions) {
+      map.at = kinematics::middle_of_work(machine_)[statics::axes_of(map.plane).normal];
+      for (int i = 0; i < task_.size(); ++i)
+        if (task_.is_angle(i)) map.angles_deg.push_back(0);
+      rectangle = statics::reached_rectangle(machine_, map.plane, map.at, R_MT);
+    } else {
+      rectangle = statics::reached_rectangle(machine_, {map.plane, map.coordinates});
+    }
     if (rectangle) {
       map.rectangle = *rectangle;
       const auto [columns, rows] = grid_counts(*rectangle, kLonger);
-      map.map =
-          statics::compliance_map(machine_, statics::plane_grid(map.plane, map.at, map.rectangle, columns, rows), R_MT);
+      map.map = of_positions
+                    ? statics::compliance_map(
+                          machine_, statics::plane_grid(map.plane, map.at, map.rectangle, columns, rows), R_MT)
+                    : statics::compliance_map(machine_, {map.plane, map.coordinates}, map.rectangle, columns, rows);
     }
     if (!rectangle || reached(map.map) == 0) {
-      statics_.reason = fmt::format(
-          "nothing is reached of the plane {} with the tool at zero tilt; `polypod map` draws "
-          "others",
-          place_of(map));
+      statics_.reason = fmt::format("nothing is reached of {} with the other angles at 0; `polypod map` draws others",
+                                    domain_of(map));
       return;
     }
     map_ = std::move(map);

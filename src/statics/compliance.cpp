@@ -165,20 +165,25 @@ const JointVector& Probe::joints() const {
   return impl_->joints;
 }
 
+MapPoint map_point(const AnyMachine& machine, const Pose& X_MT) {
+  MapPoint point;
+  point.compliance = compliance_at(machine, X_MT);
+  point.p_M = point.compliance.reachable ? point.compliance.X_MT.p : X_MT.p;
+  if (!point.compliance.reachable) return point;
+  const Eigen::MatrixXd J = kinematics::task_jacobian(
+      kinematics::task(machine), kinematics::jacobian(machine, point.compliance.X_MT, point.compliance.joints),
+      point.compliance.X_MT);
+  if (J.rows() == J.cols()) point.determinant = J.determinant();
+  return point;
+}
+
 Map compliance_map(const AnyMachine& machine, const PlaneGrid& grid, const Mat3& R_MT) {
   Map map{grid, {}};
   for (int row = 0; row < grid.rows; ++row) {
     for (int column = 0; column < grid.columns; ++column) {
-      MapPoint point;
-      point.p_M = grid.point(column, row);
-      point.compliance = compliance_at(machine, Pose{R_MT, point.p_M});
-      if (point.compliance.reachable) {
-        const Eigen::MatrixXd J = kinematics::task_jacobian(
-            kinematics::task(machine), kinematics::jacobian(machine, point.compliance.X_MT, point.compliance.joints),
-            point.compliance.X_MT);
-        if (J.rows() == J.cols()) point.determinant = J.determinant();
-      }
-      map.points.push_back(std::move(point));
+      const Vec3 p_M = grid.point(column, row);
+      map.points.push_back(map_point(machine, Pose{R_MT, p_M}));
+      map.points.back().p_M = p_M;  // to the last bit
     }
   }
   return map;

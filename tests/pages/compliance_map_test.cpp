@@ -208,5 +208,48 @@ TEST(MapPage, AMachineWithoutCompliancesHasItsDeterminant) {
   EXPECT_THAT(html, Not(HasSubstr("Direct compliances")));
 }
 
+/// A and B of the tripod at z = 900 mm; the last column is out of reach.
+ComplianceMap tilts() {
+  ComplianceMap out{*machine::load("tripod-z3"), *statics::plane_named("AB"), 0, {}, {}, {}, {}};
+  out.coordinates = statics::middle_coordinates(out.machine);
+  out.rectangle = {{0, units::from_deg(90)}, {0, units::from_deg(20)}};
+  out.map = statics::compliance_map(out.machine, {out.plane, out.coordinates}, out.rectangle, 4, 3);
+  return out;
+}
+
+TEST(TiltMap, SaysOverWhatItGoesInDegrees) {
+  const ComplianceMap map = tilts();
+  EXPECT_EQ(domain_of(map), "A and B at z = 900 mm");
+  EXPECT_EQ(orientation_of(map), "");
+  EXPECT_THAT(coordinates_at(map, 6), ElementsAre(60, 10));
+  const auto rows = rows_of(map_csv(map));
+  ASSERT_THAT(rows[0], ::testing::SizeIs(::testing::Gt(6u)));
+  EXPECT_EQ(rows[0][0], "A_deg");
+  EXPECT_EQ(rows[0][1], "B_deg");
+  EXPECT_EQ(rows[0][2], "x_mm");
+  EXPECT_EQ(rows[0][5], "reachable");
+  EXPECT_EQ(rows[2][0], "30");
+  EXPECT_EQ(rows[2][4], "900");
+  EXPECT_NE(std::stod(rows[6][2]), 0) << "x follows";
+  EXPECT_EQ(rows[4][5], "0");
+  EXPECT_EQ(rows[4][2], "") << "x is not known where the machine does not stand";
+  const auto vti = map_vti(map);
+  ASSERT_TRUE(vti);
+  EXPECT_THAT(*vti, HasSubstr("Spacing=\"30 10 1\""));
+  const std::string page = compliance_map_page(map);
+  EXPECT_THAT(page, HasSubstr("A and B at z = 900 mm"));
+  EXPECT_THAT(page, HasSubstr("x, y, C are as the machine settles"));
+  EXPECT_THAT(page, HasSubstr("m⁻²"));
+}
+
+TEST(TiltMap, BothSignsOfTheDeterminantAreSaid) {
+  EXPECT_FALSE(both_signs(lola()));
+  ComplianceMap map = tilts();
+  map.rectangle = {{units::from_deg(-80), units::from_deg(80)}, {units::from_deg(-60), units::from_deg(80)}};
+  map.map = statics::compliance_map(map.machine, {map.plane, map.coordinates}, map.rectangle, 9, 9);
+  EXPECT_TRUE(both_signs(map));
+  EXPECT_THAT(compliance_map_page(map), HasSubstr(kBothSigns));
+}
+
 }  // namespace
 }  // namespace polypod::pages

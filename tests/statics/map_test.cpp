@@ -140,6 +140,9 @@ TEST(Map, AgreesWithTheMeasuredDisplacements) {
 TEST(Plane, GridsLieInTheirPlane) {
   EXPECT_EQ(plane_named("xz"), Plane::xz);
   EXPECT_FALSE(plane_named("zx").has_value());
+  EXPECT_EQ(plane_named("ab"), (Plane{machine::Coordinate::a, machine::Coordinate::b}));
+  EXPECT_EQ(plane_named("ZA"), (Plane{machine::Coordinate::z, machine::Coordinate::a}));
+  for (const char* bad : {"", "x", "xx", "BA", "xyz", "x\0", "uv"}) EXPECT_FALSE(plane_named(bad).has_value()) << bad;
   const PlaneGrid grid = plane_grid(Plane::yz, 0.25, {{-1, 1}, {2, 3}}, 3, 2);
   EXPECT_LT((grid.point(0, 0) - Vec3(0.25, -1, 2)).norm(), 1e-15);
   EXPECT_LT((grid.point(1, 1) - Vec3(0.25, 0, 3)).norm(), 1e-15);
@@ -165,6 +168,59 @@ TEST(Plane, TheReachedRectangleHoldsTheAnnulusAndLittleMore) {
   }
   EXPECT_FALSE(reached_rectangle(scara(), Plane::xy, 0.2, Mat3::Identity())) << "above the lift";
   EXPECT_FALSE(reached_rectangle(scara(), Plane::xy, 50, Mat3::Identity())) << "beyond any link";
+}
+
+// z, A and B are prescribed, x, y and C follow.
+TEST(TaskPlane, ATripodHasAMapOverItsTilts) {
+  const auto m = machine::load("tripod-z3");
+  ASSERT_TRUE(m);
+  const machine::Task task = kinematics::task(*m);
+  const std::vector<Plane> planes = planes_of(task);
+  ASSERT_THAT(planes, testing::SizeIs(3));
+  EXPECT_EQ(name_of(planes[0]), "AB");
+  EXPECT_EQ(name_of(planes[1]), "zA");
+  const TaskPlane over{planes[0], middle_coordinates(*m)};
+  const auto all = reached_rectangle(*m, over);
+  ASSERT_TRUE(all);
+  for (const auto& [low, high] : {all->u, all->v}) {  // +-45 deg, a step of the scan and the rounding
+    EXPECT_NEAR(units::to_deg(low), -45, 10);
+    EXPECT_NEAR(units::to_deg(high), 45, 10);
+  }
+  const double a = from_deg(20), b = from_deg(-10);
+  const Map map = compliance_map(*m, over, {{-a, a}, {2 * b, -2 * b}}, 3, 5);
+  ASSERT_THAT(map.points, testing::SizeIs(15));
+  double farthest = 0;
+  for (int i = 0; i < 15; ++i) {
+    const MapPoint& point = map.points[static_cast<std::size_t>(i)];
+    ASSERT_TRUE(point.compliance.reachable);
+    const std::vector<double> stands = kinematics::coordinates_of(task, point.compliance.X_MT);
+    EXPECT_NEAR(stands[0], over.coordinates[0], 1e-12);
+    EXPECT_NEAR(stands[1], (i % 3 - 1) * a, 1e-12);
+    EXPECT_NEAR(stands[2], (2 - i / 3) * b, 1e-12);
+    farthest = std::max(farthest, point.p_M.head<2>().norm());
+    const Compliance alone = compliance_at(*m, kinematics::pose_of(task, stands));
+    EXPECT_LT((alone.C - point.compliance.C).norm(), 1e-12 * alone.C.norm());
+    EXPECT_NE(point.determinant, 0);
+  }
+  EXPECT_GT(farthest, from_mm(1)) << "the parasitic motions";
+  EXPECT_FALSE(reached_rectangle(*m, {planes[0], {50, 0, 0}})) << "beyond any leg";
+}
+
+TEST(TaskPlane, OfAHexapodTheTiltsAtAnyPlace) {
+  const auto m = machine::load("hexapod-strut");
+  ASSERT_TRUE(m);
+  const auto planes = planes_of(kinematics::task(*m));
+  EXPECT_THAT(planes, testing::SizeIs(15));
+  EXPECT_EQ(planes[0], Plane::xy);
+  EXPECT_EQ(name_of(planes[3]), "AB");
+  const TaskPlane over{planes[3], {0.005, 0, from_mm(75), 0, 0, from_deg(5)}};
+  const Map map = compliance_map(*m, over, {{0, from_deg(10)}, {0, from_deg(6)}}, 2, 2);
+  const Pose& last = map.points.back().compliance.X_MT;
+  EXPECT_LT((last.p - Vec3(0.005, 0, from_mm(75))).norm(), 1e-15);
+  const Mat3 R = (Eigen::AngleAxisd(from_deg(5), Vec3::UnitZ()) * Eigen::AngleAxisd(from_deg(6), Vec3::UnitY()) *
+                  Eigen::AngleAxisd(from_deg(10), Vec3::UnitX()))
+                     .toRotationMatrix();
+  EXPECT_LT((last.R - R).norm(), 1e-14);
 }
 
 // Every machine of the catalogue has a map without a word about its size.

@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// A map of the static compliance over a plane, as page, picture, table and VTK file (SLAV 2.4.3, 4.5, 4.6).
+// A map of the static compliance over a plane or over two coordinates of the task, as page, picture, table and VTK file
+// (SLAV 2.4.3, 4.5, 4.6).
 #pragma once
 
 #include <array>
@@ -25,12 +26,13 @@ struct LoadedPath {
 struct ComplianceMap {
   machine::AnyMachine machine;
   statics::Plane plane = statics::Plane::xy;
-  double at = 0;                   ///< m, the third coordinate
-  statics::Rectangle rectangle;    ///< m
-  std::vector<double> angles_deg;  ///< the angles of the machine's task, in its order
+  double at = 0;                   ///< m, the third coordinate of a plane of positions
+  statics::Rectangle rectangle;    ///< m or rad
+  std::vector<double> angles_deg;  ///< of a plane of positions: the angles of the machine's task, in its order
   statics::Map map;
   std::vector<LoadedPath> paths;
   std::optional<MeasuredCompliance> measured = {};  ///< to be shown beside the computed one
+  std::vector<double> coordinates = {};  ///< of another plane: those of the task (statics::TaskPlane), m and rad
 };
 
 /// Points on the sides of a grid of about square cells: `longer` on the longer side, 11 at least on the other.
@@ -77,19 +79,36 @@ int reached(const LoadedPath& path);
 /// A coordinate as a person reads it, mm: without the last digits that the grid's division leaves.
 double tidy_mm(double metres);
 
-/// "xy" -> "z = 0 mm", "A = 0, B = 0 deg".
+/// Whether det J has both signs over the points: it does not pass from one to the other but through a singular pose.
+bool both_signs(const ComplianceMap& map);
+inline constexpr const char* kBothSigns =
+    "det J has both signs: points of this map lie on both sides of singular poses, near which the figures hold at the "
+    "points alone";
+
+/// A coordinate as a person reads it: mm, or deg of an angle, likewise tidied.
+double tidy(machine::Coordinate coordinate, double value);
+/// "mm" or "deg".
+const char* unit_of(machine::Coordinate coordinate);
+/// The two coordinates at a point of the map, by its number, tidied.
+std::array<double, 2> coordinates_at(const ComplianceMap& map, int point);
+
+/// "the plane z = 0 mm", "A and B at z = 800 mm": over what the map goes.
+std::string domain_of(const ComplianceMap& map);
+/// Where it lies, "z = 0 mm", and of a plane of positions how the tool is turned, "A = 0, B = 0 deg".
 std::string place_of(const ComplianceMap& map);
 std::string orientation_of(const ComplianceMap& map);
 
-/// One row a point: x_mm, y_mm, z_mm, reachable (1 or 0), then every field by its key; empty where out of reach.
+/// One row a point: x_mm, y_mm, z_mm, reachable (1 or 0), then every field by its key; empty where out of reach. Where
+/// the map is not over positions, its coordinates stand before them, A_deg, B_deg, and x, y, z are those of the tool
+/// tip as the machine settles.
 std::string map_csv(const ComplianceMap& map);
 
 /// One row a point of each path: path (from 1), s_mm along it, x_mm, y_mm, z_mm, dx_um, dy_um, dz_um, then the same of
 /// each joint, joint_1_dx_um ...
 std::string path_csv(const ComplianceMap& map);
 
-/// The map as VTK image data, lengths in mm: every field by its key, and compliance_um_per_N as a 3 x 3 tensor. NaN out
-/// of reach.
+/// The map as VTK image data, lengths in mm, angles in deg: every field by its key, and compliance_um_per_N as a 3 x 3
+/// tensor. NaN out of reach.
 Result<std::string> map_vti(const ComplianceMap& map);
 
 /// All pictures of the map in one: direct compliances in one scale of colours, cross compliances in another, |det J|.

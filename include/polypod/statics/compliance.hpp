@@ -106,6 +106,9 @@ struct Map {
   PlaneGrid grid;
   std::vector<MapPoint> points;  ///< row by row, columns fastest
 };
+/// That at one pose (what the task prescribes of it); p_M is the tool tip as the machine settles there, that of X_MT
+/// where it is out of reach.
+MapPoint map_point(const AnyMachine& machine, const Pose& X_MT);
 /// Compliances, shares and det J over a plane at a fixed orientation (SLAV Figures 2.18, 4.12 to 4.14).
 Map compliance_map(const AnyMachine& machine, const PlaneGrid& grid, const Mat3& R_MT);
 
