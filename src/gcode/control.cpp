@@ -57,6 +57,21 @@ Status Engine::run_lines() {
   return {};
 }
 
+namespace {
+
+/// Numbers of codes and tools that an expression gives but for its rounding, as LinuxCNC takes them: within 1e-4.
+void round_integers(std::vector<Word>& words) {
+  for (Word& word : words) {
+    const double unit = word.letter == 'G' ? 0.1 : 1;
+    const double rounded = std::round(word.value / unit) * unit;
+    const bool code = std::string_view("GMTHL").find(word.letter) != std::string_view::npos;
+    const bool may_be = std::string_view("DPQ").find(word.letter) != std::string_view::npos;
+    if (std::abs(word.value - rounded) <= (code ? 1e-4 : may_be ? 1e-9 : 0)) word.value = rounded;
+  }
+}
+
+}  // namespace
+
 Status Engine::step() {
   here_ = source().program->blocks[frame().at++];
   const Block& block = here_;
@@ -96,6 +111,7 @@ Status Engine::step() {
   scratch_.ending = block.ending;
   scratch_.line = block.line;
   scratch_words_ = std::move(line.words);
+  round_integers(scratch_words_);
   scratch_.words = scratch_words_;
   // Assignments count when the whole line has been read, but before it runs.
   if (!line.assignments.empty()) POLYPOD_TRY(assign(line, scratch_));
@@ -114,8 +130,7 @@ Status Engine::execute(const Block& block) {
                          "move it to a line of its own");
           }
         }
-        comment();
-        return word.value == 98 ? call_by_number(block) : return_from(block);
+        return word.value == 98 ? call_by_number(block) : return_from(block);  // rs274 prints no comment here
       }
     }
   }
@@ -175,8 +190,13 @@ Result<std::pair<std::size_t, std::size_t>> Engine::find_sub(const std::string& 
   source->program = &source->own;
   search(*source);
   const auto at = source->subs.find(label);
-  if (at == source->subs.end() && !by_number) return missing(fmt::format("is not defined in {}", path.string()));
-  const std::size_t line = at == source->subs.end() ? 0 : at->second;
+  if (at == source->subs.end()) {
+    const std::string why = fmt::format("is not defined in {}", path.string());
+    if (!by_number) return missing(why);
+    return error(column, "GC164", fmt::format("the subprogram {} {}", shown(label), why),
+                 fmt::format("begin the file with the line O{}", label));
+  }
+  const std::size_t line = at->second;
   sources_.push_back(std::move(source));
   return std::pair{sources_.size() - 1, line};
 }
@@ -204,9 +224,7 @@ Status Engine::call(const std::string& label, const std::vector<double>& argumen
     told_[i + 1] = true;
     slot = i < arguments.size() ? arguments[i] : 0;
   }
-  returned_ = false;
-  returned_value_ = 0;
-  frames_.push_back(std::move(next));
+  frames_.push_back(std::move(next));  // #<_value> stays as the last subprogram, or one that was passed by, has left it
   return {};
 }
 
@@ -267,9 +285,12 @@ Status Engine::return_from(const Block& block) {
     return error(1, "GC163", "M99 in a subprogram that 'call' called", "end it with endsub");
   }
   POLYPOD_TRY(leave());
+  returned_ = false;
+  returned_value_ = 0;
   if (--f.repeats > 0) {
     f.at = f.begin;
     f.labels.clear();
+    f.locals.clear();  // LinuxCNC 2.9 forgets the names between the passes
     return {};
   }
   frames_.pop_back();
@@ -456,7 +477,7 @@ Status Engine::control(const Line& line, const Block& block) {
   }
   if (word == "repeat") {
     POLYPOD_TRY(claim());
-    const double count = std::round(line.arguments.front());
+    const double count = std::nearbyint(line.arguments.front());  // halves to even, as LinuxCNC does
     const auto [left, begins] = repeats_left_.try_emplace({f.name, label}, 0);
     if (begins) left->second = static_cast<long>(std::clamp(count, 0.0, 1e15));
     if (left->second > 0) {

@@ -219,7 +219,7 @@ Status Engine::set_system(int p, bool from_here) {
   }
   const int base = 5201 + 20 * p;
   if (r != nullptr && from_here) return error(r->column, "GC119", "R has no use with L20", "remove it");
-  if (!axis_words() && r == nullptr) return {};
+  if (!axis_words() && r == nullptr && !options_.machine_known) return {};
   const double rotation = r != nullptr ? r->value : parameter(base + 9);
   if (from_here) {
     const double c = std::cos(units::from_deg(rotation));

@@ -112,7 +112,7 @@ Status Engine::block(const Block& block) {
     resync_ = false;
   }
   begin_plain();
-  if (find('O') == nullptr) comment();  // rs274 prints none beside an O word
+  if (find('O') == nullptr) POLYPOD_TRY(comment());  // rs274 prints none beside an O word
   if (block.words.empty()) {
     end_plain();
     return {};

@@ -244,7 +244,8 @@ class Engine final : private Parameters {
   void read_number(std::string_view text);
   Status block(const Block& block);
   Status check();
-  void comment();
+  Status check_sum(const Word& word) const;
+  Status comment();
   void feed_and_speed();
   [[nodiscard]] Result<std::size_t> index_of(const Word& word) const;
   Status tools();
@@ -418,6 +419,8 @@ class Engine final : private Parameters {
   ToolOffset length_offset_{};
   Tool loaded_;
   std::size_t loaded_pocket_ = 1;
+  double told_pocket_ = 1, told_selected_ = -1;  // #<_current_pocket> and #<_selected_pocket>, which know no tool 0
+  bool in_message_ = false;                      // a message tells what a line may not
   std::size_t selected_ = 0;
   int selected_number_ = -1;
   int motion_ = -1;  // times ten

@@ -195,6 +195,10 @@ class LineReader {
                    "move N to the start of the line, or remove it");
     }
     ++at_;
+    if (lower(c) == 'n' && !at_end() && !is_digit(peek())) {
+      at_ = from;
+      return error("GC106", "N without the digits of a line number", "write N and an integer from 0");
+    }
     if (at_end() || (is_letter(peek()) && !is_function())) {
       at_ = from;
       return error("GC101", fmt::format("{} without a number", static_cast<char>(c & ~0x20)),
@@ -281,6 +285,7 @@ class LineReader {
     ++at_;
     if (take('<')) {
       POLYPOD_ASSIGN(name, name_in_angles());
+      named_here_.push_back(name);
       assignment.name = std::move(name);
     } else {
       POLYPOD_ASSIGN(index, parameter_index());
@@ -291,6 +296,11 @@ class LineReader {
     assignment.value = number;
     line_.assignments.push_back(std::move(assignment));
     return {};
+  }
+
+  /// LinuxCNC makes a name where a line is about to give it a value: with 0 until the line has been read.
+  [[nodiscard]] bool is_named_here(const std::string& name) const {
+    return std::find(named_here_.begin(), named_here_.end(), name) != named_here_.end();
   }
 
   Result<int> parameter_index() {
@@ -368,6 +378,7 @@ class LineReader {
       POLYPOD_ASSIGN(name, name_in_angles());
       const auto value = parameters_.named(name);
       if (value && *value) return **value;
+      if (value && is_named_here(name)) return 0;
       at_ = from;
       if (!value) return error("GC169", value.error(), "give X, Y and Z before, in absolute coordinates");
       return error("GC162", fmt::format("#<{}> is not defined", name), "give it a value before");
@@ -381,7 +392,10 @@ class LineReader {
                    index == 5399 ? std::string("take the decision out of the program that is judged")
                                  : fmt::format("set it in the program before, as #{}=0", index));
     }
-    return error("GC169", value.error(), "give X, Y and Z before, in absolute coordinates");
+    return error("GC169", value.error(),
+                 value.error().find("compensation") != std::string::npos
+                     ? "read it before G41 or G42, or behind G40"
+                     : "give X, Y and Z before, in absolute coordinates");
   }
 
   Result<double> expression() {
@@ -469,7 +483,7 @@ class LineReader {
       if (take('<')) {
         POLYPOD_ASSIGN(wanted, name_in_angles());
         const auto value = parameters_.named(wanted);
-        exists = !value || value->has_value();
+        exists = !value || value->has_value() || is_named_here(wanted);
       } else {
         POLYPOD_ASSIGN(index, parameter_index());
         exists = index > 0;
@@ -505,7 +519,8 @@ class LineReader {
   const Parameters& parameters_;
   const Place& place_;
   Line line_;
-  std::optional<std::size_t> spindle_;  ///< where $ stands
+  std::optional<std::size_t> spindle_;   ///< where $ stands
+  std::vector<std::string> named_here_;  // names that the line has come to give a value to
   std::size_t at_ = 0;
   int depth_ = 0;
 };
@@ -576,8 +591,8 @@ std::string expanded(std::string_view message, const Parameters& parameters) {
       const auto value = code == std::errc() && index >= 1 && index <= kLastParameter
                              ? parameters.numbered(index)
                              : tl::expected<double, std::string>(tl::unexpected(std::string()));
-      if (value) {
-        put(*value);
+      if (value || (code == std::errc() && index == 0)) {
+        put(value.value_or(0));  // #0 is 0 in a message alone
       } else {
         out += "######";
       }

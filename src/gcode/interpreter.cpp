@@ -418,8 +418,8 @@ class Interpreter {
                          "use two blocks");
           }
           slot = &word;
-          if (m_count_ == static_cast<int>(m_.size())) {
-            return error(word, "GC108", "too many M words in one block", "use two blocks");
+          if (m_count_ == kMostMWords) {
+            return error(word, "GC108", "more than four M words in one block", "use two blocks");
           }
           m_[static_cast<std::size_t>(m_count_++)] = {m, &word};
           break;

@@ -16,13 +16,32 @@ constexpr double kLargest = 1e7;
 
 }  // namespace
 
+/// The exclusive or of all bytes before `*`; a product needs brackets.
+Status Engine::check_sum(const Word& word) const {
+  const std::string_view before = block_->text.substr(0, static_cast<std::size_t>(word.column) - 1);
+  unsigned sum = 0;
+  for (const char c : before) sum ^= static_cast<unsigned char>(c);
+  if (static_cast<double>(sum) == word.value) return {};
+  const bool product = before.find('#') != std::string_view::npos || before.find('[') != std::string_view::npos;
+  return error(word.column, "GC107",
+               fmt::format("* outside of brackets is a checksum, and {:g} does not fit the block, whose bytes give {}",
+                           word.value, sum),
+               product ? "a product stands in brackets: #2=[#1*2]"
+                       : "the block was damaged, or changed without renewing the checksum");
+}
+
 /// What `interpret` judges in plain programs.
 Status Engine::check() {
   std::array<const Word*, 40> groups{};
   std::array<const Word*, 10> m_groups{};
   std::array<const Word*, 26> letters{};
   int acting = motion_;
+  int m_words = 0;
   for (const Word& word : block_->words) {
+    if (word.letter == '*') {
+      POLYPOD_TRY(check_sum(word));
+      continue;
+    }
     if (!(std::abs(word.value) <= 1e9)) {
       return error(word.column, "GC135", fmt::format("{} with a number beyond every range", word.letter),
                    "check the number");
@@ -76,6 +95,9 @@ Status Engine::check() {
                      "use two blocks");
       }
       slot = &word;
+      if (++m_words > kMostMWords) {
+        return error(word.column, "GC108", "more than four M words in one block", "use two blocks");
+      }
     } else if (word.letter >= 'A' && word.letter <= 'Z') {
       const Word*& slot = letters[static_cast<std::size_t>(word.letter - 'A')];
       if (slot != nullptr) {
@@ -127,6 +149,10 @@ Status Engine::check() {
   const bool axes = axis_words();
   const bool centre = motion_ >= 20 && motion_ <= 30 && (has('I') || has('J') || has('K'));
   const bool moves = !takes_axes && !dynamic && (named != nullptr ? motion_code != 800 : axes || centre);
+  if (named == nullptr && axes && !takes_axes && !dynamic && (motion_ == 50 || motion_ == 51)) {
+    return error(block_->words.front().column, "GC110", "axis words behind a spline, which names its motion each time",
+                 motion_ == 50 ? "write G5 again, or G0 or G1" : "write G5.1 again, or G0 or G1");
+  }
   acting = !moves ? -1 : named != nullptr ? motion_code : motion_;
   if (axes && !takes_axes && !dynamic && acting < 0) {
     return error(block_->words.front().column, "GC110", "axis words without a motion mode in force",

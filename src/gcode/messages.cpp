@@ -19,7 +19,7 @@ void Engine::read_number(std::string_view text) {
 }
 
 /// Of several comments in brackets the last one counts; `;` comments do not.
-void Engine::comment() {
+Status Engine::comment() {
   std::string_view text;
   bool found = false;
   for (const std::string_view candidate : comments(*block_)) {
@@ -27,24 +27,37 @@ void Engine::comment() {
     text = candidate.substr(1, candidate.size() - 2);
     found = !text.empty();
   }
-  if (!found) return;
+  if (!found) return {};
   text = from_first_word(text);
   const auto begins = [&](std::string_view word) { return begins_with(text, word); };
-  if (begins("MSG,")) return put_now(fmt::format("MESSAGE(\"{}\")", text.substr(4)));
-  if (begins("DEBUG,")) {
-    if (parameter(5599) != 0) put_now(fmt::format("MESSAGE(\"{}\")", expanded(text.substr(6), *this)));
-    return;
-  }
-  if (begins("PRINT,")) {
-    out_ += expanded(text.substr(6), *this);
+  const auto message = [&](std::size_t from) {
+    in_message_ = true;
+    std::string out = expanded(text.substr(from), *this);
+    in_message_ = false;
+    return out;
+  };
+  if (begins("MSG,")) {
+    put_now(fmt::format("MESSAGE(\"{}\")", text.substr(4)));
+  } else if (begins("DEBUG,")) {
+    if (parameter(5599) != 0) put_now(fmt::format("MESSAGE(\"{}\")", message(6)));
+  } else if (begins("PRINT,")) {
+    out_ += message(6);
     out_ += '\n';
-    return;
+  } else if (begins("LOG,")) {
+    put_now(fmt::format("LOG(\"{}\")", message(4)));
+  } else if (begins("LOGOPEN,")) {
+    put_now(fmt::format("LOGOPEN(\"{}\")", text.substr(8)));
+  } else if (begins("LOGAPPEND,")) {
+    put_now(fmt::format("LOGAPPEND(\"{}\")", text.substr(10)));
+  } else if (begins("LOGCLOSE") && text.size() == 8) {
+    put_now("LOGCLOSE()");
+  } else if (begins("ABORT,")) {
+    return error(1, "GC177", fmt::format("the program aborts itself here: {}", from_first_word(message(6))),
+                 "set what it asks for, or take the (ABORT, ...) out");
+  } else {
+    put("COMMENT(\"{}\")", text);
   }
-  if (begins("LOG,")) return put_now(fmt::format("LOG(\"{}\")", expanded(text.substr(4), *this)));
-  if (begins("LOGOPEN,")) return put_now(fmt::format("LOGOPEN(\"{}\")", text.substr(8)));
-  if (begins("LOGAPPEND,")) return put_now(fmt::format("LOGAPPEND(\"{}\")", text.substr(10)));
-  if (begins("LOGCLOSE") && text.size() == 8) return put_now("LOGCLOSE()");
-  put("COMMENT(\"{}\")", text);
+  return {};
 }
 
 }  // namespace polypod::gcode

@@ -38,6 +38,10 @@ tl::expected<double, std::string> Engine::numbered(int index) const {
       break;
   }
   if (index >= 5401 && index <= 5409) return loaded_.offset[static_cast<std::size_t>(index - 5401)];
+  if (index >= 5420 && index <= 5428 && side_ != 0 && !in_message_) {
+    return tl::unexpected(
+        fmt::format("#{} is a position, which LinuxCNC does not tell while cutter radius compensation is on", index));
+  }
   if (index >= 5420 && index <= 5425) {
     const auto k = static_cast<std::size_t>(index - 5420);
     if (!known_[k]) return tl::unexpected(fmt::format("#{}: the position of {} is not known here", index, "XYZABC"[k]));
@@ -117,9 +121,9 @@ std::optional<double> Engine::predefined(std::string_view name) const {
   if (name == "rpm") return speed_;
   if (name == "u" || name == "v" || name == "w") return 0;
   if (name == "current_tool") return loaded_.number;
-  if (name == "current_pocket") return static_cast<double>(loaded_pocket_);
+  if (name == "current_pocket") return told_pocket_;
   if (name == "selected_tool") return std::max(selected_number_, 0);
-  if (name == "selected_pocket") return selected_number_ < 0 ? -1.0 : static_cast<double>(selected_);
+  if (name == "selected_pocket") return told_selected_;
   if (name == "value") return returned_value_;
   if (name == "value_returned") return flag(returned_);
   if (name == "call_level") return static_cast<double>(frames_.size() - 1);

@@ -77,7 +77,9 @@ void Engine::end_plain() {
     for (char& c : head) c = upper(c);
     if (head == "(PRINT" || head == "(DEBUG" || head == "(LOG") {
       remarks += text.substr(0, comma + 1);
+      in_message_ = true;
       const std::string message = expanded(text.substr(comma + 1), *this);
+      in_message_ = false;
       expands = expands || message != text.substr(comma + 1);
       remarks += message;
     } else {

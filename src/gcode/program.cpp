@@ -214,6 +214,9 @@ Status LineReader::read_block(Block& block) {
     const char letter = upper(c);
     std::size_t after = i + 1;
     while (after < text.size() && is_blank(text[after])) ++after;
+    if (letter == 'N' && after < text.size() && !is_digit(text[after]) && text[after] != '(' && text[after] != ';') {
+      return error(block, i, "GC106", "N without the digits of a line number", "write N and an integer from 0");
+    }
     if (const Construct value = construct_at(text, after); value != Construct::none) {
       block.construct = value;
       block.construct_column = static_cast<int>(after) + 1;
@@ -262,7 +265,7 @@ Status LineReader::read_block(Block& block) {
     }
   }
   block.words = {words.data(), count};
-  if (count > 0 || block.construct != Construct::none) content_ = true;
+  content_ = content_ || (!block.percent && !std::ranges::all_of(text, is_blank));
   if (!block.optional && block.construct == Construct::none) {
     ended_ = ended_ || std::ranges::any_of(block.words, [](const Word& word) {
                return word.letter == 'M' && (word.value == 2 || word.value == 30);

@@ -30,7 +30,7 @@ class LineReader {
   int line_ = 0;
   std::array<Word, kMostWords> words_;  // of the line at hand
   bool opened_ = false;                 // a `%` was seen
-  bool content_ = false;                // a block with words was seen
+  bool content_ = false;                // a line that is neither blank nor `%` was seen
   bool ended_ = false;                  // closing `%`, M2 or M30
 };
 

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
+
 namespace polypod::gcode {
 
 Refusal refusal_of(int g) {
@@ -76,7 +78,7 @@ std::optional<WrongArgument> wrong_argument(const Block& block) {
   for (const Word& word : block.words) {
     if (word.letter != 'M') continue;
     const int m = static_cast<int>(word.value);
-    const Word *p = find('P'), *e = find('E'), *r = find('R');
+    const Word *p = find('P'), *e = find('E'), *r = find('R'), *q = find('Q'), *l = find('L');
     if (m >= 62 && m <= 65 && (p == nullptr || p->value < 0))
       return {{&word, fmt::format("M{} without an output P", m)}};
     if ((m == 67 || m == 68) && (e == nullptr || e->value < 0)) {
@@ -84,6 +86,19 @@ std::optional<WrongArgument> wrong_argument(const Block& block) {
     }
     if (m == 66 && (p == nullptr) == (e == nullptr)) {
       return {{&word, p == nullptr ? "M66 without an input P or E" : "M66 with both P and E"}};
+    }
+    if (m == 66 && l != nullptr) {
+      if (l->value < 0 || l->value != std::floor(l->value)) {
+        return {{l, fmt::format("L{:g} of M66 is no way to wait, 0 to 4", l->value)}};
+      }
+      if (l->value != 0 && e != nullptr) return {{l, "M66 E with L: an analog input is read at once, L0"}};
+      if (l->value != 0 && !(q != nullptr && q->value > 0)) return {{l, "M66 L without a time Q to wait"}};
+    }
+    if (m == 19 && p != nullptr && p->value != 0 && p->value != 1 && p->value != 2) {
+      return {{p, fmt::format("P{:g} of M19 is not 0, 1 or 2", p->value)}};
+    }
+    if (m == 19 && q != nullptr && !(q->value > 0)) {
+      return {{q, fmt::format("Q{:g} of M19 is no time to wait", q->value)}};
     }
     if (m == 19 && r != nullptr && !(r->value >= 0 && r->value <= 360)) {
       return {{r, fmt::format("R{} of M19 is not within 0 and 360 deg", r->value)}};

@@ -116,7 +116,7 @@ Status Engine::spline(int motion) {
       return bad("I without J, or J without I");
     }
     spline_tangent_ = {-value('P'), -value('Q')};
-  } else if (!centre || (tangent[0] == 0 && tangent[1] == 0)) {
+  } else if (find('I') == nullptr || find('J') == nullptr || (tangent[0] == 0 && tangent[1] == 0)) {
     return bad("I and J are missing or 0");
   }
   spline_now_ = cubic;

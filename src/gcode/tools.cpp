@@ -20,6 +20,7 @@ Result<std::size_t> Engine::index_of(const Word& word) const {
 }
 
 Status Engine::tools() {
+  const auto tell_pocket = [&](double pocket) { told_pocket_ = pocket; };
   const auto place = [&](const Word& word) -> Result<std::size_t> {
     if (options_.any_tool) {
       bool found = false;
@@ -35,6 +36,7 @@ Status Engine::tools() {
   if (const Word* t = find('T'); t != nullptr) {
     POLYPOD_ASSIGN(index, place(*t));
     selected_ = index;
+    if (index > 0) told_selected_ = static_cast<double>(index);
     selected_number_ = static_cast<int>(t->value);
     put_now(fmt::format("SELECT_TOOL({})", selected_number_));
   }
@@ -70,6 +72,7 @@ Status Engine::tools() {
       turning_ = 0;
       if (selected_ > 0) loaded_ = options_.tools[selected_ - 1];  // rs274 keeps the lengths of the tool before T0
       loaded_pocket_ = selected_;
+      tell_pocket(told_selected_);
       resync_ = true;
       if (selected_number_ >= 0) spindle_tool_ = selected_number_;
       stale_tool_ = selected_ == 0;
@@ -81,6 +84,7 @@ Status Engine::tools() {
       }
       POLYPOD_ASSIGN(index, place(*q));
       put("CHANGE_TOOL_NUMBER({})", index);
+      tell_pocket(index > 0 ? static_cast<double>(index) : told_selected_);
       loaded_pocket_ = index;  // rs274 keeps the lengths and the diameter of the tool before
       resync_ = true;
       spindle_tool_ = static_cast<int>(q->value);
@@ -155,26 +159,38 @@ Status Engine::set_tool(int l) {
   POLYPOD_ASSIGN(index, index_of(*p));
   if (index == 0) return error(p->column, "GC151", "tool 0 is not in the tool table", "name a tool");
   Tool& tool = options_.tools[index - 1];
-  Axes here = current_;
-  if (l == 11) {  // G59.3 alone, without G92
-    const Axes machine = to_machine(current_);
-    const double c = std::cos(units::from_deg(parameter(5390)));
-    const double s = std::sin(units::from_deg(parameter(5390)));
-    for (std::size_t k = 0; k < 6; ++k) {
-      const double stored = parameter(5381 + static_cast<int>(k));
-      here[k] = machine[k] + length_offset_[k] - (k < 3 ? lengths(stored) : stored);
-    }
-    const double x = here[0];
-    here[0] = c * x + s * here[1];
-    here[1] = -s * x + c * here[1];
-  } else if (l == 10) {
-    for (std::size_t k = 0; k < 6; ++k) here[k] += length_offset_[k];
+  const ToolOffset before = tool.offset;
+  const bool sets =
+      axis_words() || find('R') != nullptr || find('I') != nullptr || find('J') != nullptr || find('Q') != nullptr;
+  if (!sets)
+    return error(column, "GC168", fmt::format("G10 L{} without what it sets", l), "give an axis, R, I, J or Q");
+  // Where the tool's holder stands, in the directions of the machine: L10 from the origin in force, with the shift of
+  // G92; L11 from that of G59.3, without.
+  const double turn = units::from_deg(l == 1 ? 0 : l == 10 ? rotation_ : parameter(5390));
+  const double c = std::cos(turn), s = std::sin(turn);
+  Axes holder = l == 10 ? current_ : to_machine(current_);
+  if (l == 10 && turn != 0) {
+    const double x = holder[0];
+    holder[0] = c * x - s * holder[1];
+    holder[1] = s * x + c * holder[1];
+  }
+  for (std::size_t k = 0; k < 6; ++k) {
+    const double stored = l == 11 ? parameter(5381 + static_cast<int>(k)) : 0;
+    holder[k] += length_offset_[k] - (k < 3 ? lengths(stored) : stored);
   }
   for (std::size_t k = 0; k < 6; ++k) {
     const Word* word = find(kAxisLetters[k]);
-    if (word == nullptr) continue;
-    const double next = l == 1 ? word->value : here[k] - word->value;
+    if (word == nullptr || (k < 2 && turn != 0)) continue;
+    const double next = l == 1 ? word->value : holder[k] - word->value;
     tool.offset[k] = k < 3 ? inches(next) : next;
+  }
+  if (turn != 0 && (find('X') != nullptr || find('Y') != nullptr)) {
+    // Lengths lie along the axes of the machine: of X and Y the one that is not given stays what it would be with this
+    // tool as it was. With R the turn, h the holder and t the length, the tip is at q = R^-1 (h - t).
+    const double x = holder[0] - lengths(before[0]), y = holder[1] - lengths(before[1]);
+    const double qx = value('X', c * x + s * y), qy = value('Y', -s * x + c * y);
+    tool.offset[0] = inches(holder[0] - (c * qx - s * qy));
+    tool.offset[1] = inches(holder[1] - (s * qx + c * qy));
   }
   if (const Word* r = find('R'); r != nullptr) tool.diameter = 2 * inches(r->value);
   tool.front_angle = value('I', tool.front_angle);

@@ -10,6 +10,7 @@
 #include "engine.hpp"
 #include "polypod/core/units.hpp"
 #include "reader.hpp"
+#include "text.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -39,10 +40,19 @@ double dwell_time(const Program& program, bool block_delete) {
   return out;
 }
 
+/// Whether a comment ends the program: (ABORT, ...).
+bool aborts(const Block& block) {
+  if (block.text.find('(') == std::string_view::npos) return false;
+  const std::vector<std::string_view> all = comments(block);
+  return std::any_of(all.begin(), all.end(), [](std::string_view c) {
+    return c.size() > 2 && begins_with(from_first_word(c.substr(1)), "ABORT,");
+  });
+}
+
 bool needs_unrolling(const Program& program) {
   for (const Block& block : program.blocks) {
     if (block.after_end) break;
-    if (block.construct != Construct::none) return true;
+    if (block.construct != Construct::none || aborts(block)) return true;
     bool dwell = false;
     bool axes = false;
     for (const Word& word : block.words) {

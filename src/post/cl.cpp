@@ -9,6 +9,7 @@
 #include <map>
 #include <numbers>
 #include <set>
+#include <utility>
 
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
@@ -71,9 +72,9 @@ const std::set<std::string_view> kTextWords{"PARTNO", "PPRINT", "REMARK", "INSER
 
 /// Words that tell something and move nothing.
 const std::set<std::string_view> kNoted{
-    "CUTTER", "MACHIN", "HEAD",   "INTOL",  "OUTTOL", "TOLER",  "CLEARP",    "DISPLY", "SET",        "SELCTL", "UNLOAD",
-    "CLAMP",  "MODE",   "TMARK",  "LEADER", "MCHTOL", "LINTOL", "SAFPOS",    "NOPOST", "AUXFUN",     "PREFUN", "SEQNO",
-    "MSYS",   "END",    "CLRSRF", "PAINT",  "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
+    "CUTTER", "MACHIN", "HEAD",  "INTOL",  "OUTTOL", "TOLER",  "CLEARP", "DISPLY",    "SET",    "SELCTL",     "UNLOAD",
+    "CLAMP",  "MODE",   "TMARK", "LEADER", "MCHTOL", "LINTOL", "SAFPOS", "NOPOST",    "AUXFUN", "PREFUN",     "SEQNO",
+    "MSYS",   "REWIND", "END",   "CLRSRF", "PAINT",  "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
 
 /// Words that change where the tool goes and are not carried out, with what to do.
 const std::map<std::string_view, const char*> kRefused{
@@ -166,11 +167,16 @@ class Reader {
     bool open = false;  // the line before ends with `$`
     std::string_view line;
     while (next_line(line)) {
+      // Creo lays a coordinate system into a remark of several lines, each but the last ending with `$`.
+      if (std::exchange(in_remark_, in_remark_ && trimmed(line).ends_with('$'))) continue;
       const std::size_t first = line.find_first_not_of(" \t");
       if (!open && first != std::string_view::npos && carries_text(line.substr(first)))
         return text_statement(line, first);
-      if (const std::size_t comment = line.find("$$"); comment != std::string_view::npos)
+      if (const std::size_t comment = line.find("$$"); comment != std::string_view::npos) {
+        const std::string_view remark = trimmed(line.substr(comment + 2));
+        in_remark_ = remark.starts_with("->") && remark.ends_with('$');
         line = line.substr(0, comment);
+      }
       const std::size_t more = line.find('$');
       open = more != std::string_view::npos;
       if (open) line = line.substr(0, more);
@@ -342,14 +348,15 @@ class Reader {
   Status carry_out(const Statement& s) {
     using Handler = Status (Reader::*)(const Statement&);
     static const std::map<std::string_view, Handler> handlers{
-        {"GOTO", &Reader::go_to},     {"FROM", &Reader::from},       {"GODLTA", &Reader::go_delta},
-        {"GOHOME", &Reader::go_home}, {"RAPID", &Reader::rapid},     {"FEDRAT", &Reader::feed},
-        {"SPINDL", &Reader::spindle}, {"LOADTL", &Reader::load},     {"TOOLNO", &Reader::load},
-        {"CIRCLE", &Reader::circle},  {"MULTAX", &Reader::multax},   {"TLAXIS", &Reader::tool_axis},
-        {"COOLNT", &Reader::coolant}, {"UNITS", &Reader::unit_word}, {"STOP", &Reader::stop},
-        {"OPSTOP", &Reader::stop},    {"DELAY", &Reader::delay},     {"PARTNO", &Reader::comment},
-        {"PPRINT", &Reader::comment}, {"REMARK", &Reader::comment},  {"TITLES", &Reader::comment},
-        {"LETTER", &Reader::comment}, {"CYCLE", &Reader::cycle},     {"FINI", &Reader::end}};
+        {"GOTO", &Reader::go_to},       {"FROM", &Reader::from},      {"GODLTA", &Reader::go_delta},
+        {"GOHOME", &Reader::go_home},   {"RAPID", &Reader::rapid},    {"FEDRAT", &Reader::feed},
+        {"SPINDL", &Reader::spindle},   {"LOADTL", &Reader::load},    {"TOOLNO", &Reader::load},
+        {"LOAD", &Reader::load},        {"CIRCLE", &Reader::circle},  {"MULTAX", &Reader::multax},
+        {"TLAXIS", &Reader::tool_axis}, {"COOLNT", &Reader::coolant}, {"UNITS", &Reader::unit_word},
+        {"STOP", &Reader::stop},        {"OPSTOP", &Reader::stop},    {"DELAY", &Reader::delay},
+        {"PARTNO", &Reader::comment},   {"PPRINT", &Reader::comment}, {"REMARK", &Reader::comment},
+        {"TITLES", &Reader::comment},   {"LETTER", &Reader::comment}, {"CYCLE", &Reader::cycle},
+        {"FINI", &Reader::end}};
     const auto refuse_here = [&](const char* hint) {
       return error("PO105", fmt::format("{} changes where the tool goes and is not carried out", s.word), s.spot, hint);
     };
@@ -574,13 +581,15 @@ class Reader {
     return {};
   }
 
+  /// LOADTL/n, TOOLNO/n, LOAD/TOOL,n.
   Status load(const Statement& s) {
-    if (s.items.empty() || !s.items[0].number || *s.items[0].number < 0 || *s.items[0].number > 99999 ||
-        *s.items[0].number != std::floor(*s.items[0].number)) {
+    const std::size_t at = s.word == "LOAD" && !s.items.empty() && s.items[0].text == "TOOL" ? 1 : 0;
+    if (s.items.size() <= at || (s.word == "LOAD" && at == 0) || !s.items[at].number || *s.items[at].number < 0 ||
+        *s.items[at].number > 99999 || *s.items[at].number != std::floor(*s.items[at].number)) {
       return error("PO103", fmt::format("{} without the number of a tool", s.word), s.spot,
                    "write LOADTL/n, n a whole number");
     }
-    now_.tool = static_cast<int>(*s.items[0].number);
+    now_.tool = static_cast<int>(*s.items[at].number);
     return {};
   }
 
@@ -739,6 +748,7 @@ class Reader {
   std::string file_;
   std::size_t at_ = 0;
   int line_ = 0;
+  bool in_remark_ = false;  // the next line goes on with a remark
 
   Path out_;
   Step now_;

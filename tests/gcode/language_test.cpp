@@ -66,7 +66,7 @@ class Author {
       case 2:
         return fmt::format("#{}", pick(31, 34));
       case 3:
-        return in_sub_ ? "#1" : pick(0, 1) == 0 ? "#<loc>" : "#<_glob>";
+        return in_sub_ ? (pick(0, 3) == 0 ? "#<_value>" : "#1") : pick(0, 1) == 0 ? "#<loc>" : "#<_glob>";
       case 4:
         return fmt::format("abs[{}]", expression(depth + 1));
       case 5:
@@ -393,7 +393,7 @@ class Author {
       }
       case 17: {
         const int label = ++label_;
-        text_ += fmt::format("o{} repeat [{}]\n", label, pick(0, 3));
+        text_ += fmt::format("o{} repeat [{}{}]\n", label, pick(0, 3), pick(0, 3) == 0 ? ".5" : "");
         line(depth + 1);
         line(depth + 1);
         text_ += fmt::format("o{} endrepeat\n", label);

@@ -124,6 +124,20 @@ TEST(Cl, RefusesBadInputWithItsPlace) {
   }
 }
 
+TEST(Cl, ReadsTheWordsOfNxCatiaAndCreo) {
+  const post::Path path = read(
+      "$$-> MFGNO / PART\n$$-> CSYS / 1.0, 0.0, 0.0, 0.0, $\n        0.0, 1.0, 0.0, 0.0, $\n        0.0, 0.0, 1.0, "
+      "0.0\n"
+      "UNITS/MM\nLOAD/TOOL,4,ZOFF,12\nSPINDL/RPM,1200,CLW\n$$ costs 5 $\nRAPID\nGOTO/1,2,3\nFEDRAT/100,MMPM\n"
+      "GOTO/1,2,0\nREWIND/0\nEND\nFINI\n");
+  ASSERT_EQ(path.steps.size(), 2u);
+  EXPECT_EQ(path.steps[0].kind, StepKind::rapid) << "a remark that ends with $ goes on in Creo's own alone";
+  EXPECT_EQ(path.steps[0].tool, 4);
+  EXPECT_EQ(path.steps[1].kind, StepKind::line);
+  EXPECT_EQ(id_of(post::parse_cl("LOAD/4\nGOTO/1,2,3\nFINI\n", "t.cl")), "PO103");
+  EXPECT_EQ(id_of(post::parse_cl("LOAD/TOOL\nGOTO/1,2,3\nFINI\n", "t.cl")), "PO103");
+}
+
 TEST(Cl, TellsItsFilesFromPrograms) {
   for (const char* cl : {"$$ from a CAM system\n", "\n  PARTNO/A\n", "units/mm\n", "GOTO/1,2,3\n"})
     EXPECT_TRUE(post::looks_like_cl(cl)) << cl;
