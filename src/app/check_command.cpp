@@ -17,6 +17,7 @@
 #include "polypod/core/named_files.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/kinematics/surplus.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
@@ -44,6 +45,7 @@ Result<machining::Job> placed_machine(const Context& context, const std::string&
   POLYPOD_ASSIGN(p, numbers_of(origin, "--origin"));
   if (p.size() != 3) return fail("AP123", fmt::format("--origin {}: not three numbers", origin));
   job.machine = std::move(m);
+  job.joint_speeds = kinematics::speed_limits(job.machine);
   job.machine_name = machine;
   job.X_MW.p = units::from_mm(1) * Vec3(p[0], p[1], p[2]);
   return job;
@@ -360,8 +362,9 @@ Command check_command() {
                        shown("max"), r["unit"].get<std::string>(), shown("limit_min"), shown("limit_max"));
           }
           if (result.fastest_line > 0) {
-            fmt::print("joint speeds in cuts up to {:.1f} % of `joint_speeds` (joint {}, line {})\n",
-                       100 * result.fastest.share, result.fastest.joint + 1, result.fastest_line);
+            fmt::print("joint speeds in cuts up to {:.1f} % of {} (joint {}, line {})\n", 100 * result.fastest.share,
+                       job.own_speeds ? "`joint_speeds`" : "the machine's limits", result.fastest.joint + 1,
+                       result.fastest_line);
           }
           if (result.hardest_line > 0) {
             fmt::print("joint accelerations in cuts up to {:.1f} % of `joint_accelerations` (joint {}, line {})\n",

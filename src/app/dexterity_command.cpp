@@ -131,7 +131,7 @@ Status write_files(const Options& o, const machine::AnyMachine& m, const quality
 Command dexterity_command() {
   auto o = std::make_shared<Options>();
   return {
-      "dexterity", "Condition number, smallest singular value and |det J| over the workspace",
+      "dexterity", "Condition number, smallest singular value and determinant of the Jacobian over the workspace",
       "polypod dexterity hexapod-strut --tilt 20",
       [o](Arguments& a) {
         declare_machine(a, o->machine, o->sets);

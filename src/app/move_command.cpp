@@ -17,6 +17,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/unroll.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machine/urdf.hpp"
 #include "polypod/machining/accept.hpp"
@@ -281,9 +282,11 @@ Status limits_of(const machining::Job& job, const Options& o, const Context& con
                  of_drives(m, o.drive_acceleration, "--drive-acceleration", kAcceleration, usual(kAccelerationOf)));
   POLYPOD_ASSIGN(jerk, of_drives(m, o.drive_jerk, "--drive-jerk", kJerk, usual(kJerkOf)));
   out.limits.drive_speed = speed;
-  if (!job.joint_speeds.empty() && !context.given("--drive-speed")) {
+  const std::vector<double> own = job.own_speeds ? job.joint_speeds : kinematics::speed_limits(m);
+  if (!own.empty() && !context.given("--drive-speed")) {
     for (Eigen::Index i = 0; i < speed.size(); ++i) {
-      out.limits.drive_speed[i] = job.joint_speeds[static_cast<std::size_t>(i)];
+      const double limit = own[static_cast<std::size_t>(i)];
+      if (std::isfinite(limit)) out.limits.drive_speed[i] = limit;
     }
   }
   out.limits.drive_acceleration = acceleration;
@@ -848,7 +851,7 @@ Command move_command() {
           options.start = static_cast<std::size_t>(k - 1);
         }
         POLYPOD_TRY(actuators_of(m, *o, context, options));
-        asked.job_speeds = !placed.job.joint_speeds.empty();
+        asked.job_speeds = placed.job.own_speeds;
         asked.job_accelerations = !placed.job.joint_accelerations.empty();
         POLYPOD_ASSIGN(masses, o->masses.read(m, placed.file, context));
         options.dynamics = masses.dynamics;

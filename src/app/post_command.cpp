@@ -17,6 +17,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/compliance_mark.hpp"
@@ -291,7 +292,7 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
     return fail("AP201", fmt::format("--joint-speeds {}: not all are above 0", o.joint_speeds), {},
                 "give one number above 0 for each joint that moves");
   }
-  p.joint_speeds = std::move(speeds);
+  p.joint_speeds = speeds.empty() ? kinematics::speed_limits(configuration.machine) : std::move(speeds);
   POLYPOD_ASSIGN(start, by_joint(o.start_joints, "--start-joints", configuration.machine, job.start_joints));
   if (!start.empty()) {
     p.start_joints.emplace(static_cast<Eigen::Index>(start.size()));
@@ -349,7 +350,8 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
                     path.steps[static_cast<std::size_t>(plan.moves.front().step)].line));
   }
   if (plan.speed_joint == 0 && !speeds)
-    out.emplace_back("the speeds of the joints are not judged: neither --joint-speeds nor the job gives any");
+    out.emplace_back(
+        "the speeds of the joints are not judged: neither --joint-speeds, the job nor the machine gives any");
   std::set<int> long_ways;  // lines that turn the tool about its axis by half a turn or more
   for (const post::Step& s : path.steps) {
     if (s.moves() && s.tool != 0) tools.insert(s.tool);

@@ -40,12 +40,16 @@ Status check_extent(const std::vector<Measurement>& rows, const std::vector<Pose
   };
   if (read > 0) POLYPOD_TRY(off(read / std::max(computed, 1e-12)));
   const Eigen::Vector3d of_model = spread(model);
-  if (measured.cols() == model.cols()) POLYPOD_TRY(off(spread(measured)[0] / std::max(of_model[0], 1e-12)));
+  // Of a tool tip that only turns, on a wrist's centre, places tell errors alone, and no unit.
+  constexpr double kPlace = 1e-6, kSmall = 1e-3;  // m
+  const double of_measured = measured.cols() == model.cols() ? spread(measured)[0] : 0;
+  const bool still = of_model[0] < kPlace || (of_model[0] < kSmall && of_measured < kSmall);
+  if (measured.cols() == model.cols() && !still) POLYPOD_TRY(off(of_measured / of_model[0]));
   bool turned = false;  // full poses tell more than their places
   for (const Measurement& row : rows) turned = turned || row.kind == Kind::pose || row.kind == Kind::axis;
   constexpr double kLine = 1e-6;
   const bool contacts = std::all_of(rows.begin(), rows.end(), [](const auto& r) { return r.kind == Kind::contact; });
-  if (!turned && !contacts && !(of_model[1] > kLine * of_model[0])) {
+  if (!turned && !contacts && !(of_model[1] > kLine * of_model[0] && of_model[0] > kPlace)) {
     return fail("CA112", "the measured places lie on a line or in one point", rows.front().place,
                 "spread the poses over the workspace");
   }

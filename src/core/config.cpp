@@ -528,6 +528,11 @@ void add_files_named_by(const std::string& path, std::set<std::string>& found) {
   if (!parsed) return;
   std::vector<std::string> texts;
   texts_of(parsed.table(), texts);
+  const std::size_t all = texts.size();
+  for (std::size_t i = 0; i < all; ++i) {  // a file may be named with a part of it: arm.urdf#tool0
+    if (const std::size_t hash = texts[i].rfind('#'); hash != std::string::npos)
+      texts.push_back(texts[i].substr(0, hash));
+  }
   for (const std::string& name : texts) {
     const std::string file = beside(path, name);
     std::error_code none;

@@ -7,6 +7,7 @@
 
 #include "polypod/kinematics/closure.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/hold_constraints.hpp"
 
 namespace polypod::kinematics {
 
@@ -19,8 +20,10 @@ Eigen::MatrixXd twist_by_parameters(const AnyMachine& machine, const Pose& targe
   return std::visit(
       [&](const auto& m) -> Eigen::MatrixXd {
         const std::vector<double> p = nominal_parameters(m);
-        const ClosureMatrix A = closure_by_pose(m, X_MT, joints, std::span<const double>(p));
-        return -ClosureSolver(A).solve_many(closure_by_parameters(m, X_MT, joints, std::span<const double>(p)));
+        ClosureMatrix A = closure_by_pose(m, X_MT, joints, std::span<const double>(p));
+        Eigen::MatrixXd F = closure_by_parameters(m, X_MT, joints, std::span<const double>(p));
+        hold_constraints(m, A, F);
+        return -ClosureSolver(A).solve_many(F);
       },
       machine);
 }

@@ -7,10 +7,12 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
 #include "polypod/core/units.hpp"
+#include "polypod/kinematics/families.hpp"
 
 namespace polypod::kinematics {
 namespace {
@@ -19,6 +21,7 @@ constexpr double kCloserFrom = 0.2;  // of a joint's limit, from which its speed
 constexpr int kCloser = 10;          // pieces of the way then, at least
 constexpr int kClosest = 200;
 constexpr double kOfAPiece = 0.05;  // rad or m, about what a joint may change in one of them
+constexpr int kMostHalvings = 20;
 
 /// Pieces of a way in which the joints change by so much.
 int closer_pieces(const JointVector& change) {
@@ -33,6 +36,33 @@ FastestJoint between(const JointVector& from, const JointVector& to, double seco
     if (share > out.share) out = {i, share, true};
   }
   return out;
+}
+
+/// A way with the joints at its ends, as shares of the whole way.
+struct Piece {
+  double begin = 0, end = 1;
+  JointVector from, to;
+};
+
+/// Halves a piece until no joint changes by more than kOfAPiece in one: near a singular pose all of a large change may
+/// lie in a small part of it, whatever its speed is on the whole.
+void look_closer(const AnyMachine& machine, const Piece& piece, double seconds, const std::vector<double>& limits,
+                 const std::function<Pose(double)>& pose, int halvings, FastestJoint& out) {
+  if (halvings == 0 || (piece.to - piece.from).cwiseAbs().maxCoeff() <= kOfAPiece) {
+    const FastestJoint here = between(piece.from, piece.to, seconds * (piece.end - piece.begin), limits);
+    if (here.share > out.share) out = {here.joint, here.share, out.judged};
+    return;
+  }
+  const double middle = (piece.begin + piece.end) / 2;
+  const InverseResult inverse = inverse_near(machine, pose(middle), piece.from);
+  const Solution* best = inverse.reachable();
+  if (best == nullptr) {
+    out.judged = false;
+    return;
+  }
+  const JointVector q = best->joints;
+  look_closer(machine, {piece.begin, middle, piece.from, q}, seconds, limits, pose, halvings - 1, out);
+  look_closer(machine, {middle, piece.end, q, piece.to}, seconds, limits, pose, halvings - 1, out);
 }
 
 /// The joints at the ends of `pieces` equal pieces of a way, after those of its start; empty where there are none.
@@ -86,13 +116,13 @@ std::optional<JointVector> followed(const AnyMachine& machine, const JointVector
 FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to, double seconds,
                            const std::vector<double>& limits, const std::function<Pose(double)>& pose) {
   FastestJoint out = between(from, to, seconds, limits);
-  if (out.share <= kCloserFrom) return out;
-  const int pieces = closer_pieces(to - from);
-  const std::vector<JointVector> q = joints_along(machine, from, to, pose, pieces);
+  const bool turns_far = (to - from).cwiseAbs().maxCoeff() > kOfAPiece;
+  if (out.share <= kCloserFrom && !turns_far) return out;
+  const std::vector<JointVector> q = joints_along(machine, from, to, pose, kCloser);
   out.judged = !q.empty();
   for (std::size_t k = 1; k < q.size(); ++k) {
-    const FastestJoint closer = between(q[k - 1], q[k], seconds / pieces, limits);
-    if (closer.share > out.share) out = closer;
+    const Piece piece{double(k - 1) / kCloser, double(k) / kCloser, q[k - 1], q[k]};
+    look_closer(machine, piece, seconds, limits, pose, kMostHalvings, out);
   }
   return out;
 }
@@ -123,7 +153,7 @@ HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, c
   };
   const int most = std::clamp(static_cast<int>(stretch.length / kShortestPiece), 2, closer_pieces(to - from));
   const HardestJoint coarse = hardest(2);
-  if (most == 2 || coarse.share <= kCloserFrom) return coarse;
+  if (most == 2 || (coarse.share <= kCloserFrom && (to - from).cwiseAbs().maxCoeff() <= kOfAPiece)) return coarse;
   const HardestJoint fine = hardest(most);
   HardestJoint out = fine.share > coarse.share ? fine : coarse;
   out.judged = coarse.judged && fine.judged;
@@ -200,6 +230,23 @@ std::string too_hard(const AnyMachine& machine, const HardestJoint& hardest, dou
       "rest as the controller accelerates with {:.0f} mm/s2",
       hardest.joint + 1, user(hardest.share * limit), turns ? "deg/s2" : "mm/s2", user(limit),
       user(hardest.of_speed * limit), units::to_mm(tip_acceleration));
+}
+
+double speed_limit(const AnyMachine& machine, int joint) {
+  const double said = std::visit(
+      [joint]<class M>(const M& m) {
+        if constexpr (requires { joint_speed_limit(m, joint); }) return joint_speed_limit(m, joint);
+        return 0.0;
+      },
+      machine);
+  return said > 0 ? said : std::numeric_limits<double>::infinity();
+}
+
+std::vector<double> speed_limits(const AnyMachine& machine) {
+  std::vector<double> out;
+  for (int i = 0; i < joint_count(machine); ++i) out.push_back(speed_limit(machine, i));
+  if (std::none_of(out.begin(), out.end(), [](double limit) { return std::isfinite(limit); })) out.clear();
+  return out;
 }
 
 }  // namespace polypod::kinematics

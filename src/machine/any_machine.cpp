@@ -52,6 +52,13 @@ Result<Pose> read_frame(const config::Table& table, const std::string& key) {
               {units::from_mm(x), units::from_mm(y), units::from_mm(z)}};
 }
 
+Result<double> speed_of(const config::Table& table, bool turns) {
+  const char* key = turns ? "speed_deg_per_s" : "speed_mm_per_s";
+  if (!table.has(key)) return 0.0;
+  POLYPOD_ASSIGN(speed, table.number(key, {0, 1e6, true}));
+  return turns ? units::from_deg(speed) : units::from_mm(speed);
+}
+
 Result<Task> read_task(const config::Table& table, Task otherwise) {
   constexpr const char* kRule = "must be \"pose\", \"axis\", \"point\" or a list of x, y, z, A, B, C";
   if (!table.has("task")) return otherwise;

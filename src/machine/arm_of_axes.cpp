@@ -139,6 +139,7 @@ Result<SerialArm> arm_of_axes(std::span<const JointAxis> axes, const Pose& X_MT,
     row.kind = axes[i].kind;
     row.sign = sense(i);
     row.range = axes[i].range;
+    row.speed = axes[i].speed;
   }
   arm.X_MB = table.first();
   arm.X_FT = table.last().inverse() * X_MT;

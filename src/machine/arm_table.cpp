@@ -68,9 +68,10 @@ config::Table table_of(const SerialArm& arm, const Place& place) {
                                     {"sign", w.value(row.sign)},
                                     {"joint", w.value(std::string(turns ? "revolute" : "prismatic"))}},
                                    fmt::format("dh[{}]", i + 1))));
-    limits.push_back(w.value(w.table(
-        {{turns ? "min_deg" : "min_mm", joint(row.range.min)}, {turns ? "max_deg" : "max_mm", joint(row.range.max)}},
-        fmt::format("limits[{}]", i + 1))));
+    std::map<std::string, config::Value> range{{turns ? "min_deg" : "min_mm", joint(row.range.min)},
+                                               {turns ? "max_deg" : "max_mm", joint(row.range.max)}};
+    if (row.speed > 0) range.emplace(turns ? "speed_deg_per_s" : "speed_mm_per_s", joint(row.speed));
+    limits.push_back(w.value(w.table(std::move(range), fmt::format("limits[{}]", i + 1))));
     compliance.push_back(w.value(row.compliance));
     if (row.locked) locked.emplace(fmt::format("{}", i + 1), joint(*row.locked));
   }

@@ -20,6 +20,10 @@ Result<AnyMachine> machine_from(const config::Table& table);
 /// A frame `{x_mm, y_mm, z_mm, a_deg, b_deg, c_deg}` with R = R_z(C) R_y(B) R_x(A); missing numbers are 0.
 Result<Pose> read_frame(const config::Table& table, const std::string& key);
 
+/// The fastest that a joint goes: `speed_deg_per_s`, or `speed_mm_per_s` of one that does not turn, as rad/s or m/s; 0
+/// where it does not stand there.
+Result<double> speed_of(const config::Table& table, bool turns);
+
 /// `task`: "pose", "axis", "point", or a list of coordinates. Error: MA119.
 Result<Task> read_task(const config::Table& table, Task otherwise);
 /// The same as a line of a file, a list.

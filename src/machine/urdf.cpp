@@ -391,7 +391,9 @@ class ChainReader {
   /// Of the link that is the flange, if any.
   [[nodiscard]] const std::string& flange() const { return flange_; }
   [[nodiscard]] const std::vector<std::string>& rounded() const { return rounded_; }
-  [[nodiscard]] const std::vector<std::string>& speeds() const { return speeds_; }
+  [[nodiscard]] bool has_speeds() const {
+    return std::any_of(axes_.begin(), axes_.end(), [](const JointAxis& a) { return a.speed > 0; });
+  }
 
  private:
   /// The frame of tool0, whether the way to the tip leads over it or not: it hangs at the last moving link, on the axis
@@ -547,14 +549,9 @@ class ChainReader {
       }
       axis.range = {read.lower, read.upper};
     }
+    if (read.velocity > 0 && std::isfinite(read.velocity)) axis.speed = read.velocity;
     axes_.push_back(axis);
     names_.push_back(fmt::format("{} {}", axes_.size(), shown(joint.name)));
-    const bool turns = axis.kind == JointKind::revolute;
-    if (read.velocity > 0 && std::isfinite(read.velocity)) {
-      speeds_.push_back(fmt::format("{} {:.6g} {}", axes_.size(),
-                                    turns ? units::to_deg(read.velocity) : units::to_mm(read.velocity),
-                                    turns ? "deg/s" : "mm/s"));
-    }
     return {};
   }
 
@@ -562,7 +559,7 @@ class ChainReader {
   int base_, tip_;
   Pose X_MB_;  // the link that carries the first moving joint
   std::vector<JointAxis> axes_;
-  std::vector<std::string> names_, rounded_, speeds_;
+  std::vector<std::string> names_, rounded_;
   std::string flange_;
 };
 
@@ -623,8 +620,7 @@ Result<SerialArm> arm_from_urdf(std::string_view text, const std::string& name) 
           ? fmt::format("{}: no link tool0 on the last axis; the last frame lies at the foot of the tip on it",
                         kNotKnown)
           : fmt::format("link {}, the last frame of the table", reader.flange());
-  if (!reader.speeds().empty())
-    arm.provenance["speeds"] = fmt::format("largest, by the same file: {}", fmt::join(reader.speeds(), ", "));
+  if (reader.has_speeds()) arm.provenance["speeds"] = "the same file";
   if (!reader.rounded().empty()) arm.provenance["angles"] = "read as multiples of 15 deg: " + list_of(reader.rounded());
   const int bodies = tree.count("visual") + tree.count("collision");
   if (bodies > 0)

@@ -247,7 +247,8 @@ Result<Job> read_job(const std::string& path) {
   job.rapid_volume = units::from_mm3(rapid_volume);
   POLYPOD_TRY(read_controller(table, job));
   POLYPOD_ASSIGN(speeds, by_joint(table, "joint_speeds", job.machine, true));
-  job.joint_speeds = std::move(speeds);
+  job.own_speeds = !speeds.empty();
+  job.joint_speeds = job.own_speeds ? std::move(speeds) : kinematics::speed_limits(job.machine);
   POLYPOD_ASSIGN(accelerations, by_joint(table, "joint_accelerations", job.machine, true));
   job.joint_accelerations = std::move(accelerations);
   POLYPOD_ASSIGN(start, by_joint(table, "start_joints", job.machine, false));

@@ -60,7 +60,7 @@ std::vector<Field> fields_of(const ComplianceMap& map) {
     double largest = 0;
     for (const statics::MapPoint& point : map.map.points)
       largest = std::max(largest, point.compliance.linear().cwiseAbs().maxCoeff());
-    const auto um_per_N = [noise = 1e-12 * largest](double c) {
+    const auto um_per_N = [noise = 1e-10 * largest](double c) {
       return std::abs(c) <= noise ? 0.0 : units::to_um_per_N(c);
     };
     const auto entry = [](int i, int j) {

@@ -344,6 +344,7 @@ class Planner {
     }
     JointVector joints = best->joints;
     bool judged_by_speed = false;
+    jumped_ = false;
     if (way && follows && !lost_ && (joints - q_).cwiseAbs().maxCoeff() > kJump) {
       if (const auto closely = kinematics::followed(machine_, q_, way, kJump)) {
         joints = *closely;
@@ -362,6 +363,7 @@ class Planner {
       problem(step.line, "singular", fmt::format("{}: {}", where(), in_words(at)));
     }
     if (follows && !lost_) {
+      jumped_ = !judged_by_speed && (joints - q_).cwiseAbs().maxCoeff() > kJump;
       if (!judged_by_speed) name_jump(step, inverse, joints, where());
     } else if (!follows && out_.branch.empty()) {
       out_.branch = kinematics::branch_name(machine_, best->branch);
@@ -398,6 +400,7 @@ class Planner {
   template <class PoseAt>
   void judge_speeds(const Step& step, const JointVector& from, double seconds, PoseAt&& pose) {
     if (options_.joint_speeds.empty() || !(seconds > 0) || from.size() == 0 || q_.size() == 0) return;
+    if (jumped_) return;  // into another posture: no speed takes it there
     const kinematics::FastestJoint fastest =
         kinematics::fastest_joint(machine_, from, q_, seconds, options_.joint_speeds, pose);
     if (!fastest.judged) {
@@ -556,7 +559,8 @@ class Planner {
   int speed_line_ = 0;      // of the last problem with a speed
   double speed_share_ = 0;  // the largest of that line
   bool chooses_c_ = false;
-  bool lost_ = false;  // the last rapid went to a place that is not known whole
+  bool lost_ = false;    // the last rapid went to a place that is not known whole
+  bool jumped_ = false;  // to the last pose, which is named
   double c_ = 0;
   JointVector q_;
   kinematics::HoldOnPath held_{machine_};

@@ -26,6 +26,20 @@ constexpr double kSmallestZone = 1e-7;  // m, of RAPID: the last of its four dec
 constexpr double kBlendOfWay = 0.45;    // of the shorter way beside a corner, in URScript: two blends must not meet
 constexpr double kZero = 1e-6;  // rad, a joint this near to 0 or a quarter turn is there: rounding of the inverse
 
+/// A text as comments that a controller takes, broken at blanks.
+std::vector<std::string> comment_lines(const std::string& text) {
+  std::string rest = plain_text(text, 100 * kLongestComment);
+  std::vector<std::string> out;
+  while (rest.size() > kLongestComment) {
+    const std::size_t blank = rest.rfind(' ', kLongestComment);
+    const std::size_t end = blank == std::string::npos || blank == 0 ? kLongestComment : blank;
+    out.push_back(rest.substr(0, end));
+    rest.erase(0, rest[end] == ' ' ? end + 1 : end);
+  }
+  out.push_back(std::move(rest));
+  return out;
+}
+
 /// What one of the languages keeps for itself (KRL, RAPID, URScript), in lower case.
 bool is_reserved(std::string name) {
   static const std::set<std::string> kWords = [] {
@@ -148,7 +162,8 @@ class Krl final : public Language {
   [[nodiscard]] std::string text(const std::string& name) const override {
     const auto all = parts();
     std::string out = "&ACCESS RVP\n" + fmt::format("DEF {}( )\n", name);
-    for (const std::string& h : options_.header) out += "; " + plain_text(h, kLongestComment) + "\n";
+    for (const std::string& h : options_.header)
+      for (const std::string& line : comment_lines(h)) out += "; " + line + "\n";
     for (const std::string& h : head_) out += h + "\n";
     if (all.size() == 1) {
       for (const std::string& l : all[0]) out += l + "\n";
@@ -232,7 +247,8 @@ class Rapid final : public Language {
   [[nodiscard]] std::string text(const std::string& name) const override {
     const auto all = parts();
     std::string out = fmt::format("MODULE {}\n", name);
-    for (const std::string& h : options_.header) out += "  ! " + plain_text(h, kLongestComment) + "\n";
+    for (const std::string& h : options_.header)
+      for (const std::string& line : comment_lines(h)) out += "  ! " + line + "\n";
     for (const std::string& h : head_) out += "  " + h + "\n";
     out += "  PROC main()\n";
     if (all.size() == 1) {
@@ -322,7 +338,8 @@ class UrScript final : public Language {
   [[nodiscard]] std::string text(const std::string& name) const override {
     const auto all = parts();
     std::string out;
-    for (const std::string& h : options_.header) out += "# " + plain_text(h, kLongestComment) + "\n";
+    for (const std::string& h : options_.header)
+      for (const std::string& line : comment_lines(h)) out += "# " + line + "\n";
     out += fmt::format("def {}():\n", name);
     for (const std::string& h : head_) out += "  " + h + "\n";
     if (all.size() == 1) {
@@ -548,7 +565,7 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
   for (std::size_t i = 0; i < path.steps.size(); ++i) {
     const Step& step = path.steps[i];
     if (step.kind == StepKind::comment) {
-      language->comment(plain_text(step.text, kLongestComment));
+      for (const std::string& line : comment_lines(step.text)) language->comment(line);
       continue;
     }
     if (path.program) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "plan.hpp"
+#include "polypod/kinematics/hold_constraints.hpp"
 #include "polypod/quality/survey.hpp"
 
 namespace polypod::quality {
@@ -51,7 +52,7 @@ Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVe
         }
         const Pose X = kinematics::settled(machine, X_MT, q);
         const std::span<const double> joints(q.data(), static_cast<std::size_t>(q.size()));
-        const auto A = kinematics::closure_by_pose(m, X, joints, p);
+        auto A = kinematics::closure_by_pose(m, X, joints, p);
         Eigen::MatrixXd F = Eigen::MatrixXd::Zero(A.rows(), static_cast<Eigen::Index>(p.size()) + q.size());
         if (plan.parameters) {
           F.leftCols(p.size()) = plan.slots ? kinematics::closure_by_parameters(m, X, joints, p, *plan.slots)
@@ -59,6 +60,7 @@ Columns error_columns(const AnyMachine& machine, const Pose& X_MT, const JointVe
         }
         if (plan.joints) F.rightCols(q.size()) = kinematics::closure_by_joints(m, X, joints, p);
         if (A.rows() == 6) return -(Mat6(A).partialPivLu().solve(F));
+        kinematics::hold_constraints(m, A, F);
         return -kinematics::ClosureSolver(A).solve_many(F);
       },
       machine);

@@ -530,6 +530,37 @@ TEST(Redundant, ReadingsCloseAsFarAsTheyHaveDigits) {
   }
 }
 
+/// Four struts and a kept orientation: least squares are those of the legs, each by its length over that at home, in
+/// the translations alone; the platform does not turn.
+TEST(Redundant, AConstraintDoesNotGiveWay) {
+  std::string text =
+      "family = \"parallel\"\ntask = [\"x\", \"y\", \"z\"]\nhome = { z_mm = 500 }\n[[constraint]]\nkind = "
+      "\"orientation\"\n";
+  std::vector<Vec3> along;  // from the platform's joint less the tool tip to that of the base
+  for (int i = 0; i < 4; ++i) {
+    const double at = units::from_deg(90 * i + 7 * i * i);
+    const Vec3 B(0.3 * std::cos(at), 0.3 * std::sin(at), 0.01 * i), P(0.1 * std::cos(at), 0.1 * std::sin(at), 0);
+    along.push_back(P - B);
+    text += fmt::format("[[leg]]\ndrive = \"strut\"\nbase_mm = {}\nplatform_mm = {}\nmin_mm = 300\nmax_mm = 800\n",
+                        list(B), list(P));
+  }
+  const AnyMachine m = read(text);
+  const Pose X{Mat3::Identity(), {0.02, 0.03, 0.52}};
+  const JointVector q = kinematics::inverse(m, X).solutions.at(0).joints;
+  Eigen::Matrix<double, 4, 3> A;
+  Eigen::Matrix4d B = Eigen::Matrix4d::Zero();
+  for (int i = 0; i < 4; ++i) {
+    const Vec3 y = X.p + along[static_cast<std::size_t>(i)];
+    const double reference = (Vec3(0, 0, 0.5) + along[static_cast<std::size_t>(i)]).norm();
+    A.row(i) = y.transpose() / reference;
+    B(i, i) = y.norm() / reference;
+  }
+  const Eigen::Matrix<double, 3, 4> expected = (A.transpose() * A).inverse() * A.transpose() * B;
+  const machine::JacobianMatrix J = kinematics::jacobian(m, X, q);
+  EXPECT_LT((J.topRows<3>() - expected).norm(), 1e-8);
+  EXPECT_LT(J.bottomRows<3>().norm(), 1e-8);
+}
+
 const std::string kThreeStruts = R"(
 leg = [
   { drive = "strut", base_mm = [300, 0, 0], platform_mm = [100, 0, 0], min_mm = 100, max_mm = 900 },

@@ -12,6 +12,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/kinematics/parts.hpp"
 
 namespace polypod {
@@ -253,6 +254,73 @@ TEST(Stages, WhatCarriesAMachineMayTurnItOver) {
   EXPECT_FALSE(kinematics::hangs_down(test::load("tricept-wrist")));
   EXPECT_TRUE(kinematics::hangs_down(test::load("dynapod")));
   EXPECT_FALSE(kinematics::hangs_down(test::load("scissors")));
+}
+
+TEST(SpeedLimits, AreThoseOfTheMachineAndOfItsStages) {
+  const double deg = units::from_deg(1);
+  const std::vector<double> kuka = kinematics::speed_limits(test::load("kuka-kr210"));
+  ASSERT_EQ(kuka.size(), 6u);
+  EXPECT_NEAR(kuka[0], 123 * deg, 1e-12);
+  EXPECT_NEAR(kuka[5], 219 * deg, 1e-12);
+  EXPECT_TRUE(kinematics::speed_limits(test::load("lola50")).empty()) << "it says none";
+  const auto m = machine::from_text(R"(
+family = "stages"
+task = ["x", "y", "z"]
+[[stage]]
+home = [0]
+[stage.machine]
+family = "serial"
+dh = [ { joint = "prismatic" } ]
+limits = [ { min_mm = -100, max_mm = 100, speed_mm_per_s = 250 } ]
+[[stage]]
+[stage.machine]
+family = "parallel"
+task = ["x", "y"]
+home = { y_mm = 118 }
+[[stage.machine.leg]]
+drive = "crank"
+base_mm = [-59, 0, 0]
+axis = [0, 0, 1]
+zero = [1, 0, 0]
+arm_mm = 90
+rod_mm = 90
+platform_mm = [0, 0, 0]
+min_deg = 20
+max_deg = 200
+speed_deg_per_s = 400
+[[stage.machine.leg]]
+drive = "crank"
+base_mm = [59, 0, 0]
+axis = [0, 0, 1]
+zero = [1, 0, 0]
+arm_mm = 90
+rod_mm = 90
+platform_mm = [0, 0, 0]
+min_deg = -20
+max_deg = 160
+[[stage.machine.constraint]]
+kind = "orientation"
+[[stage.machine.constraint]]
+kind = "plane"
+platform_mm = [0, 0, 0]
+base_mm = [0, 0, 0]
+normal = [0, 0, 1]
+)",
+                                    "t.toml");
+  ASSERT_TRUE(m) << to_string(m.error());
+  const auto again = machine::from_text(machine::to_toml(*m), "again.toml");
+  ASSERT_TRUE(again) << to_string(again.error());
+  for (const machine::AnyMachine* of : {&*m, &*again}) {
+    const std::vector<double> limits = kinematics::speed_limits(*of);
+    ASSERT_EQ(limits.size(), 3u);
+    EXPECT_NEAR(limits[0], 0.25, 1e-15);
+    EXPECT_NEAR(limits[1], 400 * deg, 1e-12);
+    EXPECT_TRUE(std::isinf(limits[2])) << "this one does not say";
+  }
+  EXPECT_FALSE(
+      machine::from_text("family = \"serial\"\ntask = [\"x\"]\ndh = [ { joint = \"prismatic\" } ]\n"
+                         "limits = [ { min_mm = -1, max_mm = 1, speed_mm_per_s = 0 } ]\n",
+                         "t.toml"));
 }
 
 }  // namespace

@@ -11,6 +11,11 @@
 
 namespace polypod::kinematics {
 
+/// The fastest that a joint goes by the machine's own data, rad/s or m/s; infinite where it does not say.
+double speed_limit(const AnyMachine& machine, int joint);
+/// Of every joint; empty where the machine says none.
+std::vector<double> speed_limits(const AnyMachine& machine);
+
 /// The joints at the end of a way that begins with the joints `from`: the way is halved down to 1/256 of it until no
 /// joint changes by more than `jump` (rad or m) from pose to pose. Nothing where one still does, which is a jump and no
 /// quick joint, or where a pose between has no joints within the limits. Cost: one inverse, and up to 510 where the
@@ -27,9 +32,10 @@ struct FastestJoint {
 };
 
 /// Between two poses with the joints `from` and `to`, `seconds` apart: differences over the time. Where a joint comes
-/// to a fifth of its limit, ten pieces of the way are looked at, since joints hurry near singular poses, and up to 200
-/// where one turns by more than half a radian; `pose(s)` is the way for 0 <= s <= 1. `limits`: one a joint, rad/s or
-/// m/s. Cost: some ns, and ten inverses and more where it looks closer.
+/// to a fifth of its limit, or changes by more than 0.05 rad (50 mm), ten pieces of the way are looked at, since joints
+/// hurry near singular poses, and those are halved until no joint changes by more in one (up to 20 times); `pose(s)` is
+/// the way for 0 <= s <= 1. `limits`: one a joint, rad/s or m/s. Cost: some ns, and ten inverses and more where it looks
+/// closer.
 FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to, double seconds,
                            const std::vector<double>& limits, const std::function<Pose(double)>& pose);
 

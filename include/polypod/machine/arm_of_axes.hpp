@@ -15,6 +15,7 @@ struct JointAxis {
   Vec3 point = Vec3::Zero();       ///< a point of the axis in M, m; of a prismatic joint any point will do
   JointKind kind = JointKind::revolute;
   JointRange range{};  ///< rad or m
+  double speed = 0;    ///< the fastest, rad/s or m/s; 0: not said
 };
 
 /// The arm X_MT(q) = exp(xi_1 q_1) ... exp(xi_n q_n) X_MT(0), xi_i the twist of axis i, as a standard table with base

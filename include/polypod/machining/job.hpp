@@ -76,7 +76,9 @@ struct Job {
   double step = 0;       ///< longest distance between evaluated points, m
   bool block_delete = false;
   Controller controller;
-  std::vector<double> joint_speeds;         ///< largest of each joint, rad/s or m/s; empty: not said
+  std::vector<double> joint_speeds;         ///< largest of each joint, rad/s or m/s; empty: not said. Those of the
+                                            ///< machine where the job gives none (infinite where it does not say)
+  bool own_speeds = false;                  ///< the job gives them itself
   std::vector<double> joint_accelerations;  ///< the same, rad/s^2 or m/s^2
   std::vector<double> start_joints;         ///< where the joints stand before the program, rad or m; empty: not said
   /// The posture in which the program begins (kinematics::branch_name): `branch`, else that of `start_joints`; empty:

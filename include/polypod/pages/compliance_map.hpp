@@ -60,7 +60,7 @@ struct Field {
 };
 
 /// Every quantity of the map: three direct and three cross compliances, det J, each joint's shares, then what was
-/// measured; without the compliances where the machine has none. What is below 1e-12 of the largest compliance of the
+/// measured; without the compliances where the machine has none. What is below 1e-10 of the largest compliance of the
 /// map is rounding noise of a zero and becomes 0.
 std::vector<Field> fields_of(const ComplianceMap& map);
 

@@ -71,6 +71,8 @@ Status read_range(const config::Table& table, ParallelLeg& leg) {
   }
   leg.range = turns ? JointRange{units::from_deg(low), units::from_deg(high)}
                     : JointRange{units::from_mm(low), units::from_mm(high)};
+  POLYPOD_ASSIGN(speed, speed_of(table, turns));
+  leg.speed = speed;
   return {};
 }
 
@@ -586,6 +588,7 @@ std::string leg_toml(const ParallelLeg& leg) {
     const auto user = [&](double x) { return turns ? number_toml(units::to_deg(x)) : mm(x); };
     const char* unit = turns ? "deg" : "mm";
     out += fmt::format("min_{0} = {1}\nmax_{0} = {2}\n", unit, user(leg.range.min), user(leg.range.max));
+    if (leg.speed > 0) out += fmt::format("speed_{}_per_s = {}\n", unit, user(leg.speed));
   }
   if (leg.compliance != 0) out += fmt::format("compliance_um_per_N = {}\n", number_toml(units::to_um(leg.compliance)));
   return out;

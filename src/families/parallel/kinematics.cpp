@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "polypod/core/random.hpp"
+#include "polypod/kinematics/hold_constraints.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -155,6 +156,7 @@ kinematics::NewtonResult newton(const Parallel& m, const JointVector& q, const P
   bool settled = false;
   for (; out.iterations < kSteps && !settled; ++out.iterations) {
     EquationRows rows = closure_rows(m, out.X_MT, q);
+    kinematics::hold_constraints(m, rows.A, rows.F);
     rows.A.rightCols<3>() /= m.size;
     Vec6 step = -kinematics::ClosureSolver(rows.A).solve(rows.F);
     step.tail<3>() /= m.size;
@@ -271,6 +273,7 @@ std::optional<SixLegs> plain_six_legs(const Parallel& m, const JointVector& q) {
 JacobianMatrix jacobian(const Parallel& m, const Pose& X, const JointVector& q) {
   ByJoints B;
   EquationRows rows = closure_rows(m, X, q, &B);
+  kinematics::hold_constraints(m, rows.A, B);
   JacobianMatrix J(6, B.cols());
   J = -kinematics::ClosureSolver(rows.A).solve_columns(B);
   return J;

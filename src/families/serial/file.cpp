@@ -63,7 +63,9 @@ Status read_limits(const config::Table& table, SerialArm& arm) {
     const bool turns = row.kind == JointKind::revolute;
     POLYPOD_ASSIGN(min, entry.number(turns ? "min_deg" : "min_mm"));
     POLYPOD_ASSIGN(max, entry.number(turns ? "max_deg" : "max_mm"));
+    POLYPOD_ASSIGN(speed, speed_of(entry, turns));
     POLYPOD_TRY(entry.finish());
+    row.speed = speed;
     if (min > max) {
       return fail("MA113", fmt::format("{}: the minimum {:g} is above the maximum {:g}", entry.name(), min, max),
                   entry.place());
@@ -211,7 +213,10 @@ std::string to_toml(const SerialArm& arm) {
     const auto user = [&](double x) { return number_toml(turns ? units::to_deg(x) : units::to_mm(x)); };
     if (row.locked) locked += fmt::format("{}{} = {}", locked.empty() ? "" : ", ", i + 1, user(*row.locked));
     const char* unit = turns ? "deg" : "mm";
-    limits += fmt::format("  {{ min_{0} = {1}, max_{0} = {2} }},\n", unit, user(row.range.min), user(row.range.max));
+    const std::string speed =
+        row.speed > 0 ? fmt::format(", speed_{}_per_s = {}", unit, user(row.speed)) : std::string();
+    limits += fmt::format("  {{ min_{0} = {1}, max_{0} = {2}{3} }},\n", unit, user(row.range.min), user(row.range.max),
+                          speed);
     compliance += fmt::format("{}{}", i == 0 ? "" : ", ", number_toml(row.compliance));
   }
   if (!locked.empty()) out += fmt::format("locked = {{ {} }}\n", locked);

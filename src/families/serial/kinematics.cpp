@@ -140,6 +140,10 @@ JointRange joint_range(const SerialArm& arm, int joint) {
   return free_row(arm, joint).range;
 }
 
+double joint_speed_limit(const SerialArm& arm, int joint) {
+  return free_row(arm, joint).speed;
+}
+
 LimitTable limit_table(const SerialArm& arm) {
   double size = arm.X_FT.p.norm();
   for (const DhRow& row : arm.dh) size += std::abs(row.a) + std::abs(row.d);

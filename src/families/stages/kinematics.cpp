@@ -11,6 +11,7 @@
 #include "../parallel/settle.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -290,6 +291,11 @@ JointKind joint_kind(const Stages& m, int joint) {
 JointRange joint_range(const Stages& m, int joint) {
   const Share share = share_of(m, joint);
   return kinematics::joint_range(m.machines[share.stage], share.own);
+}
+
+double joint_speed_limit(const Stages& m, int joint) {
+  const Share share = share_of(m, joint);
+  return kinematics::speed_limit(m.machines[share.stage], share.own);
 }
 
 LimitTable limit_table(const Stages& m) {

@@ -23,6 +23,11 @@ EquationRows closure_rows(
     const Parallel& m, const Pose& X_MT, const JointVector& q,
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxEquations, kMaxJoints>* B = nullptr);
 
+/// Where the equations of constraints begin in them: kinematics::hold_constraints.
+inline Eigen::Index first_constraint_row(const Parallel& m) {
+  return static_cast<Eigen::Index>(m.legs.size());
+}
+
 /// Two unit vectors square to a unit vector and to each other; they change only with a large change of it.
 std::array<Vec3, 2> across(const Vec3& axis);
 

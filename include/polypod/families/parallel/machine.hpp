@@ -45,6 +45,7 @@ struct ParallelLeg {
   double rod = 0;               ///< m; of struts the length less the reading, which a calibration finds
   double zero_offset = 0;       ///< rad or m, rails and cranks: where the drive is less its reading
   JointRange range;             ///< rad or m; of struts the range of the length
+  double speed = 0;             ///< the fastest that the drive goes, rad/s or m/s; 0: not said
   double compliance = 0;        ///< m/N along the line of the leg
   double reference = 1;         ///< m, the length at home: what the leg's equation is divided by
 

@@ -27,6 +27,7 @@ struct DhRow {
   JointKind kind = JointKind::revolute;
   std::optional<double> locked;  ///< the value of a joint that does not move, rad or m
   JointRange range{};            ///< of q; unused where locked
+  double speed = 0;              ///< the fastest that the joint goes, rad/s or m/s; 0: not said
   double compliance = 0;         ///< rad/Nm (revolute) or m/N (prismatic); also of a locked joint (its brake)
 };
 
@@ -59,6 +60,9 @@ struct SerialArm {
 std::vector<Parameter> parameters(const SerialArm& arm);
 /// Their values alone.
 std::vector<double> parameter_values(const SerialArm& arm);
+
+/// The fastest that a joint goes, rad/s or m/s; 0: not said (kinematics::speed_limits).
+double joint_speed_limit(const SerialArm& arm, int joint);
 
 /// The arm with other values of its parameters, in the order of `parameters`.
 Result<SerialArm> with_parameters(const SerialArm& arm, std::span<const double> p);

@@ -23,6 +23,7 @@ inline int joint_count(const Stages& m) {
 }
 JointKind joint_kind(const Stages& m, int joint);
 JointRange joint_range(const Stages& m, int joint);
+double joint_speed_limit(const Stages& m, int joint);
 inline Task task(const Stages& m) {
   return m.task;
 }
