@@ -280,6 +280,7 @@ Command check_command() {
         options.progress(1);
         POLYPOD_TRY(begin_in(o->branch, interpretation, job));
         POLYPOD_TRY(look_at_postures(judged, other ? &*other : nullptr, job, options));
+        const std::string posture = posture_at_start(job, interpretation);
         result.notes.insert(result.notes.end(), body_notes.begin(), body_notes.end());
         if (kinematics::leaves_a_joint_free(m)) {
           result.notes.push_back(
@@ -333,6 +334,7 @@ Command check_command() {
           Json document{{"ok", result.ok},          {"problems", problems},  {"all_judged", result.not_judged.empty()},
                         {"not_judged", not_judged}, {"time_s", result.time}, {"length_mm", units::to_mm(result.length)},
                         {"joint_ranges", ranges},   {"notes", result.notes}};
+          if (!posture.empty()) document["posture"] = posture;
           if (dwells > 0) document["dwell_s"] = dwells;
           if (result.fastest_line > 0) {
             document["joint_speed_percent"] = 100 * result.fastest.share;
@@ -350,6 +352,10 @@ Command check_command() {
           print_answer(o->program, result, !o->bodies.empty());
           if (!nearest.is_null()) {
             for (const std::string& words : nearest_in_words(nearest, may_turn)) fmt::print("{}\n", words);
+          }
+          if (!posture.empty()) {
+            fmt::print("posture {}{}\n", posture,
+                       job.posture.empty() ? ", the first within the limits at the start" : "");
           }
           fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration{}), path length {:.1f} mm\n", result.time,
                      o->rapid, dwells > 0 ? fmt::format(", without {:g} s of dwells", dwells) : "",

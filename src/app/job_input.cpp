@@ -36,6 +36,12 @@ Result<Input> read_input(const Context& context, const std::string& program_path
   return Input{std::move(job), std::move(understood.program), std::move(understood.interpretation), std::move(other)};
 }
 
+std::string posture_at_start(const machining::Job& job, const gcode::Interpretation& interpretation) {
+  const std::vector<std::string> names = machining::starting_branches(job.machine, job.X_MW, interpretation);
+  if (names.size() < 2) return {};
+  return job.posture.empty() ? names.front() : job.posture;
+}
+
 Status begin_in(const std::string& branch, const gcode::Interpretation& interpretation, machining::Job& job) {
   if (!branch.empty()) job.posture = branch;
   if (job.posture.empty()) return {};

@@ -20,6 +20,7 @@
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/kinematics/twist.hpp"
 #include "polypod/motion/masses.hpp"
@@ -85,6 +86,8 @@ Json joint_ranges_json(const machine::AnyMachine& m) {
                    {"unit", unit},
                    {"min", units::to_user(range.min, unit)},
                    {"max", units::to_user(range.max, unit)}});
+    if (const double speed = kinematics::speed_limit(m, i); std::isfinite(speed))
+      out.back()["speed_per_s"] = units::to_user(speed, unit);
   }
   return out;
 }
@@ -265,8 +268,12 @@ Command info_command() {
             for (const Json& j : document["joints"]) {
               const double low = j["min"].get<double>(), high = j["max"].get<double>();
               const Figures shown(high - low, 3);
-              fmt::print("  {:>2}  {:>10} .. {:<10} {}\n", j["joint"].get<int>(), shown(low), shown(high),
-                         j["unit"].get<std::string>());
+              const std::string unit = j["unit"].get<std::string>();
+              const std::string speed = j.contains("speed_per_s")
+                                            ? fmt::format(", up to {:.6g} {}/s", j["speed_per_s"].get<double>(), unit)
+                                            : std::string();
+              fmt::print("  {:>2}  {:>10} .. {:<10} {}{}\n", j["joint"].get<int>(), shown(low), shown(high), unit,
+                         speed);
             }
             fmt::print("\nparameters\n");
             std::size_t longest = 26;

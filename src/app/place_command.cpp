@@ -97,7 +97,7 @@ std::vector<std::string> notes_of(const Input& in, const PlaceResult& result, co
   return out;
 }
 
-Json answer_json(const PlaceResult& r, const std::vector<std::string>& notes) {
+Json answer_json(const PlaceResult& r, const std::string& posture, const std::vector<std::string>& notes) {
   Json judged = Json::array(), map = Json::array(), rotations = Json::array();
   for (const machining::JudgedPlace& j : r.judged) {
     judged.push_back({{"origin_mm", rounded_mm(j.at.origin)},
@@ -117,6 +117,7 @@ Json answer_json(const PlaceResult& r, const std::vector<std::string>& notes) {
             {"distance_um", to_um(r.best->distance)},
             {"gain_um", r.start_error ? Json(to_um(*r.start_figure() - figure_of(*r.best, r.by))) : Json()},
             {"at_boundary", r.at_border}};
+    if (!posture.empty()) best["posture"] = posture;
   }
   return {
       {"by", r.by == PlaceBy::distance ? "distance" : "error"},
@@ -153,7 +154,7 @@ std::string gain_in_words(double gain_um) {
                      : fmt::format("; the gain is {:.1f} um", gain_um);
 }
 
-void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
+void print_answer(const PlaceResult& r, const std::string& posture, const std::vector<std::string>& notes) {
   if (r.start_error) {
     fmt::print("start  {:.1f} um  {}\n", to_um(*r.start_figure()), in_words(r.start));
   } else {
@@ -168,7 +169,8 @@ void print_answer(const PlaceResult& r, const std::vector<std::string>& notes) {
     for (const std::string& note : notes) fmt::print("note: {}\n", note);
     return;
   }
-  fmt::print("best   {:.1f} um  {}\n", to_um(figure_of(*r.best, r.by)), in_words(r.best->at));
+  fmt::print("best   {:.1f} um  {}{}\n", to_um(figure_of(*r.best, r.by)), in_words(r.best->at),
+             posture.empty() ? "" : ", posture " + posture);
   fmt::print("       largest {}, as predict gives them there{}\n",
              r.by == PlaceBy::distance ? "distances from the programmed path" : "normal errors",
              r.start_error ? gain_in_words(to_um(*r.start_figure() - figure_of(*r.best, r.by))) : "");
@@ -272,10 +274,12 @@ Command place_command() {
               o->report, pages::place_page(in.job, result, {POLYPOD_VERSION, command_line(), o->program})));
         }
         const std::vector<std::string> notes = notes_of(in, result, o->weight);
+        const std::string posture =
+            result.best ? posture_at_start(machining::placed_at(in.job, result.best->at), in.interpretation) : "";
         if (context.json) {
-          print_json(answer_json(result, notes));
+          print_json(answer_json(result, posture, notes));
         } else {
-          print_answer(result, notes);
+          print_answer(result, posture, notes);
           if (!o->report.empty() && result.best) fmt::print("wrote {}\n", one_line(o->report));
         }
         return result.best ? kDone : kAnswerIsNo;

@@ -15,6 +15,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/hold.hpp"
+#include "polypod/kinematics/joint_speed.hpp"
 
 namespace polypod::control {
 namespace {
@@ -201,7 +202,8 @@ std::vector<ControllerAxis> axes_of(const AnyMachine& machine, const std::vector
     double slow_linear = 1e9, slow_angular = 1e9;
     for (Eigen::Index j = 0; j < inverse.rows(); ++j) {
       const bool turns = joints[static_cast<std::size_t>(j)].turns;
-      const double most = turns ? options.turn_speed : options.slide_speed;
+      const double most = std::min(turns ? options.turn_speed : options.slide_speed,
+                                   kinematics::speed_limit(machine, static_cast<int>(j)));
       double by_linear = 0, by_angular = 0;
       for (int i = 0; i < n; ++i) (task.is_angle(i) ? by_angular : by_linear) += inverse(j, i) * inverse(j, i);
       slow_linear = std::min(slow_linear, most / std::max(std::sqrt(by_linear), 1e-9));
@@ -246,7 +248,8 @@ std::vector<ControllerAxis> joints_of(const AnyMachine& machine, const JointVect
   for (int i = 0; i < static_cast<int>(home.size()); ++i) {
     const bool turns = kinematics::joint_kind(machine, i) == JointKind::revolute;
     const machine::JointRange range = kinematics::joint_range(machine, i);
-    const double speed = user(turns, turns ? options.turn_speed : options.slide_speed);
+    const double speed =
+        user(turns, std::min(turns ? options.turn_speed : options.slide_speed, kinematics::speed_limit(machine, i)));
     out.push_back({'J', turns, user(turns, range.min), user(turns, range.max), speed, speed / options.time_to_speed,
                    user(turns, home[i])});
   }

@@ -474,11 +474,11 @@ TEST(Urdf, WhatIsNotReadDoesNotMatter) {
   EXPECT_EQ(difference(forward(plain, q), forward(other, q)), 0);
   const SerialArm ur = arm_of(text_of(kExamples + "ur10e.urdf"));
   EXPECT_THAT(ur.provenance.at("bodies"), HasSubstr("6 visual and collision bodies"));
-  EXPECT_NEAR(units::to_deg(joint_speed_limit(ur, 0)), 120, 0.01);
-  EXPECT_NEAR(units::to_deg(joint_speed_limit(ur, 5)), 180, 0.01);
-  const auto again = from_text(to_toml(ur));
+  EXPECT_NEAR(units::to_deg(machine::joint_speed_limit(ur, 0)), 120, 0.01);
+  EXPECT_NEAR(units::to_deg(machine::joint_speed_limit(ur, 5)), 180, 0.01);
+  const auto again = machine::from_text(machine::to_toml(ur), "again.toml");
   ASSERT_TRUE(again);
-  EXPECT_NEAR(joint_speed_limit(std::get<SerialArm>(*again), 0), joint_speed_limit(ur, 0), 1e-12);
+  EXPECT_NEAR(machine::joint_speed_limit(std::get<SerialArm>(*again), 0), machine::joint_speed_limit(ur, 0), 1e-12);
   EXPECT_THAT(ur.provenance.at("joints"), HasSubstr("6 wrist_3_joint"));
 }
 

@@ -23,6 +23,10 @@ inline const ParallelLeg& driven_leg(const Parallel& m, int joint) {
 inline JointKind joint_kind(const Parallel& m, int joint) {
   return driven_leg(m, joint).drive == LegDrive::crank ? JointKind::revolute : JointKind::prismatic;
 }
+/// The fastest that a drive goes, rad/s or m/s; 0: not said (kinematics::speed_limits).
+inline double joint_speed_limit(const Parallel& m, int joint) {
+  return driven_leg(m, joint).speed;
+}
 inline JointRange joint_range(const Parallel& m, int joint) {
   const ParallelLeg& leg = driven_leg(m, joint);
   const double offset = leg.drive == LegDrive::strut ? leg.rod : 0.0;
