@@ -34,8 +34,8 @@ struct FastestJoint {
 /// Between two poses with the joints `from` and `to`, `seconds` apart: differences over the time. Where a joint comes
 /// to a fifth of its limit, or changes by more than 0.05 rad (50 mm), ten pieces of the way are looked at, since joints
 /// hurry near singular poses, and those are halved until no joint changes by more in one (up to 20 times); `pose(s)` is
-/// the way for 0 <= s <= 1. `limits`: one a joint, rad/s or m/s. Cost: some ns, and ten inverses and more where it looks
-/// closer.
+/// the way for 0 <= s <= 1. `limits`: one a joint, rad/s or m/s. Cost: some ns, and ten inverses and more where it
+/// looks closer.
 FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to, double seconds,
                            const std::vector<double>& limits, const std::function<Pose(double)>& pose);
 
