@@ -18,7 +18,9 @@ namespace polypod::statics {
 struct Plane {
   machine::Coordinate u = machine::Coordinate::x, v = machine::Coordinate::y;
 
-  static const Plane xy, xz, yz;
+  static const Plane xy;  ///< of M
+  static const Plane xz;  ///< of M
+  static const Plane yz;  ///< of M
   /// Whether it lies in the space of positions.
   [[nodiscard]] constexpr bool of_positions() const {
     return u <= machine::Coordinate::z && v <= machine::Coordinate::z;
@@ -26,9 +28,11 @@ struct Plane {
   friend constexpr bool operator==(const Plane& a, const Plane& b) { return a.u == b.u && a.v == b.v; }
   friend constexpr bool operator!=(const Plane& a, const Plane& b) { return !(a == b); }
 };
+/// @cond
 inline constexpr Plane Plane::xy{machine::Coordinate::x, machine::Coordinate::y};
 inline constexpr Plane Plane::xz{machine::Coordinate::x, machine::Coordinate::z};
 inline constexpr Plane Plane::yz{machine::Coordinate::y, machine::Coordinate::z};
+/// @endcond
 
 /// "xy", "zA" or "AB": two of x, y, z, A, B, C in this order, in small or capital letters; nothing for any other text.
 std::optional<Plane> plane_named(std::string_view name);
