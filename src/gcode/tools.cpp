@@ -20,7 +20,6 @@ Result<std::size_t> Engine::index_of(const Word& word) const {
 }
 
 Status Engine::tools() {
-  const auto tell_pocket = [&](double pocket) { told_pocket_ = pocket; };
   const auto place = [&](const Word& word) -> Result<std::size_t> {
     if (options_.any_tool) {
       bool found = false;
@@ -72,7 +71,7 @@ Status Engine::tools() {
       turning_ = 0;
       if (selected_ > 0) loaded_ = options_.tools[selected_ - 1];  // rs274 keeps the lengths of the tool before T0
       loaded_pocket_ = selected_;
-      tell_pocket(told_selected_);
+      told_pocket_ = told_selected_;
       resync_ = true;
       if (selected_number_ >= 0) spindle_tool_ = selected_number_;
       stale_tool_ = selected_ == 0;
@@ -84,7 +83,7 @@ Status Engine::tools() {
       }
       POLYPOD_ASSIGN(index, place(*q));
       put("CHANGE_TOOL_NUMBER({})", index);
-      tell_pocket(index > 0 ? static_cast<double>(index) : told_selected_);
+      told_pocket_ = index > 0 ? static_cast<double>(index) : told_selected_;
       loaded_pocket_ = index;  // rs274 keeps the lengths and the diameter of the tool before
       resync_ = true;
       spindle_tool_ = static_cast<int>(q->value);
