@@ -36,9 +36,7 @@ struct MapOptions {
 
 using machine::Coordinate;
 
-bool is_angle(Coordinate c) {
-  return c >= Coordinate::a;
-}
+using statics::is_angle;
 
 /// "--x", "--a".
 std::string option_of(Coordinate c) {

@@ -20,6 +20,7 @@
 #include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/check.hpp"
 #include "polypod/machining/compliance_mark.hpp"
 #include "polypod/machining/job.hpp"
 #include "polypod/machining/unrolling.hpp"
@@ -338,7 +339,8 @@ std::string yes(const post::Path& path, const machine::AnyMachine& machine) {
 }
 
 std::vector<std::string> own_notes(const Options& o, const Context& context, const post::Path& path,
-                                   const post::Plan& plan, double rotation, bool ngc, bool speeds) {
+                                   const post::Plan& plan, double rotation, bool ngc,
+                                   const std::vector<double>& speeds) {
   std::vector<std::string> out;
   std::set<int> tools;
   bool turned = false, modes = false, lengths = false;
@@ -349,7 +351,8 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
                     "and not the way to it",
                     path.steps[static_cast<std::size_t>(plan.moves.front().step)].line));
   }
-  if (plan.speed_joint == 0 && !speeds)
+  if (std::string joints = machining::without_speed(speeds); !joints.empty()) out.push_back(std::move(joints));
+  if (plan.speed_joint == 0 && speeds.empty())
     out.emplace_back(
         "the speeds of the joints are not judged: neither --joint-speeds, the job nor the machine gives any");
   std::set<int> long_ways;  // lines that turn the tool about its axis by half a turn or more
@@ -368,7 +371,7 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
     out.push_back(
         fmt::format("{} tools: reach and limits are judged with the one tool of the machine file", tools.size()));
   }
-  if (path.program && !turned && !plan.sets_c && plan.moves.size() > 0 && ngc)
+  if (path.program && !turned && !plan.sets_c && !plan.moves.empty() && ngc)
     out.emplace_back("the program commands X, Y and Z alone: rotary axes, if there are any, must stand at 0");
   if (plan.chorded > 0) {
     out.push_back(fmt::format("{} {} written as chords, off by up to {:.1f} um{}", plan.chorded,
@@ -621,7 +624,7 @@ Command post_command() {
           notes.push_back(fmt::format("the program is judged in the posture {}, that of its header", plan_with.branch));
         }
         if (!not_known.empty()) notes.push_back(not_known);
-        const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc, !plan_with.joint_speeds.empty());
+        const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc, plan_with.joint_speeds);
         notes.insert(notes.end(), own.begin(), own.end());
         const Answer answer{configuration, path, plan, written, writes, std::move(notes)};
         if (context.json)

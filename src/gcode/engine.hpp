@@ -172,6 +172,7 @@ class Engine final : private Parameters {
 
   // --- parameters.cpp -------------------------------------------------------------------------------------------
   [[nodiscard]] tl::expected<double, std::string> numbered(int index) const override;
+  [[nodiscard]] bool compensates() const override { return side_ != 0; }
   [[nodiscard]] tl::expected<std::optional<double>, std::string> named(const std::string& name) const override;
   [[nodiscard]] std::optional<double> predefined(std::string_view name) const;
   [[nodiscard]] double inches(double length) const { return inches_ ? length : length / 25.4; }

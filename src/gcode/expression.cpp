@@ -393,9 +393,8 @@ class LineReader {
                                  : fmt::format("set it in the program before, as #{}=0", index));
     }
     return error("GC169", value.error(),
-                 value.error().find("compensation") != std::string::npos
-                     ? "read it before G41 or G42, or behind G40"
-                     : "give X, Y and Z before, in absolute coordinates");
+                 index >= 5420 && parameters_.compensates() ? "read it before G41 or G42, or behind G40"
+                                                            : "give X, Y and Z before, in absolute coordinates");
   }
 
   Result<double> expression() {

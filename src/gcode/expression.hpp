@@ -26,6 +26,8 @@ class Parameters {
   virtual tl::expected<double, std::string> numbered(int index) const = 0;
   /// The value of `#<name>` (lower case, without blanks); nothing where it is not defined.
   virtual tl::expected<std::optional<double>, std::string> named(const std::string& name) const = 0;
+  /// Whether cutter radius compensation is on, under which LinuxCNC tells no position.
+  [[nodiscard]] virtual bool compensates() const { return false; }
 };
 
 constexpr int kLastParameter = 5601;

@@ -476,10 +476,7 @@ class Interpreter {
 
   /// The exclusive or of all bytes before `*`.
   Status check_checksum(const Word& word) const {
-    unsigned sum = 0;
-    for (std::size_t i = 0; i + 1 < static_cast<std::size_t>(word.column); ++i) {
-      sum ^= static_cast<unsigned char>(block_->text[i]);
-    }
+    const unsigned sum = checksum_of(block_->text.substr(0, static_cast<std::size_t>(word.column) - 1));
     if (static_cast<double>(sum) == word.value) return {};
     return error(word, "GC107", fmt::format("checksum {} does not fit the block, whose bytes give {}", word.value, sum),
                  "the block was damaged, or changed without renewing the checksum");

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "engine.hpp"
+#include "text.hpp"
 #include "words.hpp"
 
 namespace polypod::gcode {
@@ -19,8 +20,7 @@ constexpr double kLargest = 1e7;
 /// The exclusive or of all bytes before `*`; a product needs brackets.
 Status Engine::check_sum(const Word& word) const {
   const std::string_view before = block_->text.substr(0, static_cast<std::size_t>(word.column) - 1);
-  unsigned sum = 0;
-  for (const char c : before) sum ^= static_cast<unsigned char>(c);
+  const unsigned sum = checksum_of(before);
   if (static_cast<double>(sum) == word.value) return {};
   const bool product = before.find('#') != std::string_view::npos || before.find('[') != std::string_view::npos;
   return error(word.column, "GC107",

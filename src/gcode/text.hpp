@@ -29,6 +29,13 @@ inline bool begins_with(std::string_view text, std::string_view word) {
          std::equal(word.begin(), word.end(), text.begin(), [](char a, char b) { return upper(b) == a; });
 }
 
+/// The bytes of a block before its checksum, exclusive-or-ed.
+inline unsigned checksum_of(std::string_view text) {
+  unsigned sum = 0;
+  for (const char c : text) sum ^= static_cast<unsigned char>(c);
+  return sum;
+}
+
 /// Whether LinuxCNC runs a comment, given without its bracket, as Python.
 inline bool runs_python(std::string_view comment) {
   return begins_with(from_first_word(comment), "PY,");

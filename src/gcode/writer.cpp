@@ -85,13 +85,6 @@ const Word* find(const Block& block, char letter) {
   return at == block.words.end() ? nullptr : &*at;
 }
 
-/// The bytes of a block before its checksum, exclusive-or-ed.
-unsigned checksum_of(std::string_view text) {
-  unsigned sum = 0;
-  for (const char c : text) sum ^= static_cast<unsigned char>(c);
-  return sum;
-}
-
 /// How a block writes: blanks between words, lower case.
 struct Style {
   explicit Style(const Block& block) {

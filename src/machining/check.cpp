@@ -43,16 +43,6 @@ std::string unknown_axes(const std::array<bool, 3>& known) {
   return listed(names) + (names.size() == 1 ? " is" : " are");
 }
 
-/// "the speeds of joints 2 and 3 are not judged"; empty where all or none have limits.
-std::string without_speed(const std::vector<double>& limits) {
-  std::vector<std::string> none;
-  for (std::size_t i = 0; i < limits.size(); ++i)
-    if (!std::isfinite(limits[i])) none.push_back(fmt::format("{}", i + 1));
-  if (none.empty()) return {};
-  return fmt::format("the speed{0} of joint{0} {1} {2} not judged", none.size() == 1 ? "" : "s", listed(none),
-                     none.size() == 1 ? "is" : "are");
-}
-
 /// Collects what the cuts ask of the joints. Of each move, the worst of either kind becomes a problem.
 class Demands {
  public:
@@ -166,6 +156,15 @@ std::vector<std::string> starting_branches(const machine::AnyMachine& machine, c
     return kinematics::postures_of(machine, kinematics::inverse(machine, X));
   }
   return {};
+}
+
+std::string without_speed(const std::vector<double>& limits) {
+  std::vector<std::string> none;
+  for (std::size_t i = 0; i < limits.size(); ++i)
+    if (!std::isfinite(limits[i])) none.push_back(fmt::format("{}", i + 1));
+  if (none.empty()) return {};
+  return fmt::format("the speed{0} of joint{0} {1} {2} not judged: no limits are given", none.size() == 1 ? "" : "s",
+                     listed(none), none.size() == 1 ? "is" : "are");
 }
 
 MotionLimits motion_limits(const Job& job) {
@@ -327,8 +326,8 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   if (auto tools = note_on_one_tip(interpretation.moves)) out.notes.push_back(std::move(*tools));
   if (!speeds && !interpretation.moves.empty())
     out.notes.emplace_back("the speeds of the joints are not judged: no job gives joint_speeds");
-  if (const std::string joints = without_speed(options.limits.joint_speeds); !joints.empty())
-    out.notes.push_back(joints + ": no limits are given");
+  if (std::string joints = without_speed(options.limits.joint_speeds); !joints.empty())
+    out.notes.push_back(std::move(joints));
   constexpr double kUpright = units::from_deg(0.1);
   if (lean > kUpright) {
     out.notes.push_back(fmt::format(

@@ -174,20 +174,17 @@ bool both_signs(const ComplianceMap& map) {
 }
 
 double tidy(machine::Coordinate coordinate, double value) {
-  return coordinate < machine::Coordinate::a ? tidy_mm(value) : std::round(units::to_deg(value) * 1e9) / 1e9 + 0.0;
+  return statics::is_angle(coordinate) ? std::round(units::to_deg(value) * 1e9) / 1e9 + 0.0 : tidy_mm(value);
 }
 
 const char* unit_of(machine::Coordinate coordinate) {
-  return coordinate < machine::Coordinate::a ? "mm" : "deg";
+  return statics::is_angle(coordinate) ? "deg" : "mm";
 }
 
 std::array<double, 2> coordinates_at(const ComplianceMap& map, int point) {
-  const auto along = [](const std::array<double, 2>& range, int i, int n) {
-    return range[0] + (range[1] - range[0]) * (n > 1 ? double(i) / (n - 1) : 0.0);
-  };
   const int columns = map.map.grid.columns;
-  return {tidy(map.plane.u, along(map.rectangle.u, point % columns, columns)),
-          tidy(map.plane.v, along(map.rectangle.v, point / columns, map.map.grid.rows))};
+  return {tidy(map.plane.u, statics::coordinate_of(map.rectangle.u, point % columns, columns)),
+          tidy(map.plane.v, statics::coordinate_of(map.rectangle.v, point / columns, map.map.grid.rows))};
 }
 
 std::string domain_of(const ComplianceMap& map) {

@@ -36,16 +36,21 @@ std::string given(double value) {
   return text[0] == '-' ? "−" + text.substr(1) : text;
 }
 
+namespace {
+
+std::string with_minus(std::string text) {
+  for (std::size_t i = text.find('-'); i != std::string::npos; i = text.find('-', i)) text.replace(i, 1, "−");
+  return text;
+}
+
+}  // namespace
+
 std::string shown_place(const ComplianceMap& map) {
-  std::string out = place_of(map);
-  for (std::size_t i = out.find('-'); i != std::string::npos; i = out.find('-', i)) out.replace(i, 1, "−");
-  return out;
+  return with_minus(place_of(map));
 }
 
 std::string shown_domain(const ComplianceMap& map) {
-  std::string out = domain_of(map);
-  for (std::size_t i = out.find('-'); i != std::string::npos; i = out.find('-', i)) out.replace(i, 1, "−");
-  return out;
+  return with_minus(domain_of(map));
 }
 
 void ColourScale::add(const std::vector<double>& values) {

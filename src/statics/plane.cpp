@@ -12,15 +12,6 @@ namespace {
 
 using machine::Coordinate;
 
-bool is_angle(Coordinate c) {
-  return c >= Coordinate::a;
-}
-
-/// Coordinate i of n over the range.
-double along(const std::array<double, 2>& range, int i, int n) {
-  return range[0] + (range[1] - range[0]) * (n > 1 ? double(i) / (n - 1) : 0.0);
-}
-
 /// The reached points of a grid of n x n over `in`, and one step more on each side. `reached(u, v)`: whether that point
 /// is.
 template <class Reached>
@@ -29,7 +20,7 @@ std::optional<Rectangle> scan(Reached&& reached, const Rectangle& in, int n) {
   int first_column = n, last_column = -1, first_row = n, last_row = -1;
   for (int row = 0; row < n; ++row) {
     for (int column = 0; column < n; ++column) {
-      if (!reached(along(in.u, column, n), along(in.v, row, n))) continue;
+      if (!reached(coordinate_of(in.u, column, n), coordinate_of(in.v, row, n))) continue;
       first_column = std::min(first_column, column);
       last_column = std::max(last_column, column);
       first_row = std::min(first_row, row);
@@ -168,8 +159,8 @@ Map compliance_map(const AnyMachine& machine, const TaskPlane& over, const Recta
   map.grid.rows = rows;
   for (int row = 0; row < rows; ++row)
     for (int column = 0; column < columns; ++column)
-      map.points.push_back(map_point(
-          machine, pose_over(task, over, along(rectangle.u, column, columns), along(rectangle.v, row, rows))));
+      map.points.push_back(map_point(machine, pose_over(task, over, coordinate_of(rectangle.u, column, columns),
+                                                        coordinate_of(rectangle.v, row, rows))));
   return map;
 }
 

@@ -45,6 +45,15 @@ struct PlaneAxes {
 /// Of a plane of positions.
 PlaneAxes axes_of(const Plane& plane);
 
+constexpr bool is_angle(machine::Coordinate c) {
+  return c >= machine::Coordinate::a;
+}
+
+/// Coordinate i of n that lie evenly over a range, its ends among them.
+inline double coordinate_of(const std::array<double, 2>& range, int i, int n) {
+  return range[0] + (range[1] - range[0]) * (n > 1 ? double(i) / (n - 1) : 0.0);
+}
+
 /// Ranges of the two coordinates of a plane, m or rad.
 struct Rectangle {
   std::array<double, 2> u{0, 0}, v{0, 0};
