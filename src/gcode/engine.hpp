@@ -49,6 +49,7 @@ struct EngineOptions {
   /// Whether the machine's zero and the start are known, as rs274 takes them to be.
   bool machine_known = true;
   bool block_delete = false;
+  std::map<int, MCode> m_codes = {};  ///< InterpretOptions::m_codes
   bool text = true;     ///< write canonical calls
   bool plain = false;   ///< write plain blocks
   bool files = true;    ///< whether files beside the program are read

@@ -9,6 +9,7 @@
 #include <numbers>
 #include <string_view>
 
+#include "m_codes.hpp"
 #include "polypod/core/units.hpp"
 #include "refusals.hpp"
 #include "text.hpp"
@@ -212,46 +213,6 @@ Refusal refusal_of_plain(int g) {
   }
 }
 
-int m_group_of(int m) {
-  switch (m) {
-    case 0:
-    case 10:
-    case 20:
-    case 300:
-    case 600:
-      return 4;
-    case 620:
-    case 630:
-    case 640:
-    case 650:
-    case 660:
-    case 670:
-    case 680:
-      return 5;
-    case 60:
-    case 610:
-      return 6;
-    case 30:
-    case 40:
-    case 50:
-    case 190:
-      return 7;
-    case 70:
-    case 80:
-    case 90:
-      return 8;
-    case 480:
-    case 490:
-    case 500:
-    case 510:
-    case 520:
-    case 530:
-      return 9;
-    default:
-      return 0;
-  }
-}
-
 constexpr std::uint32_t bit(char letter) {
   return 1u << (letter - 'A');
 }
@@ -403,14 +364,11 @@ class Interpreter {
                          "check the word");
           }
           if (m == 980 || m == 990 || m == 970) return refuse(word, kFlow);
-          if (m >= 4280 && m <= 4300) {
-            return error(word, "GC120", fmt::format("{} switches the controller's kinematics", text_of(word)),
-                         "post the program for the kinematics that the machine starts with");
-          }
           if (m == 720) {
             return error(word, "GC123", "M72 restores modes that were saved", "unroll the program first");
           }
-          const int group = m_group_of(m);
+          if (const auto r = refusal_of_m(m / 10, options_.m_codes)) return error(word, r->id, r->why, r->hint);
+          const int group = m_group_of(m / 10);
           const Word*& slot = m_groups[static_cast<std::size_t>(group)];
           if (group != 0 && slot != nullptr) {
             return error(word, "GC109",
@@ -673,7 +631,13 @@ class Interpreter {
           spindle_ = Spindle::off;
           break;
         default:
-          if (!known_m(m) && std::find(noted_m_.begin(), noted_m_.end(), m) == noted_m_.end()) {
+          if (is_own_m(m)) break;
+          if (const auto meaning = options_.m_codes.find(m); meaning != options_.m_codes.end()) {
+            if (meaning->second == MCode::tip) joints_ = {};
+            if (meaning->second == MCode::joints) joints_ = {m, block_->line};
+            break;
+          }
+          if (std::find(noted_m_.begin(), noted_m_.end(), m) == noted_m_.end()) {
             noted_m_.push_back(m);
             note(fmt::format("line {}: M{} belongs to the machine's builder; Polypod takes it to move nothing",
                              block_->line, m));
@@ -682,8 +646,6 @@ class Interpreter {
     }
     return {};
   }
-
-  static bool known_m(int m) { return m_group_of(10 * m) != 0 || m == 70 || m == 71 || m == 73; }
 
   Status settings() {
     for (int i = 0; i < g_count_; ++i) {
@@ -799,6 +761,13 @@ class Interpreter {
       return {};
     }
     if (!axis_words_ && acting_ < 2) return {};  // only the mode changes
+    if (joints_.m != 0) {
+      return error(culprit, "GC120",
+                   fmt::format("a move in joints: M{} in line {} switched the controller's kinematics", joints_.m,
+                               joints_.line),
+                   "switch back before it, with an M code that the job gives as \"tip\"; G53, G28 and G30 may stand "
+                   "between");
+    }
 
     Move move;
     move.kind = acting_ == 0 ? MoveKind::rapid : acting_ == 1 ? MoveKind::line : MoveKind::arc;
@@ -997,6 +966,10 @@ class Interpreter {
   bool noted_length_ = false;
   bool noted_machine_ = false;
   std::vector<int> noted_m_;
+  struct JointsBy {
+    int m = 0, line = 0;
+  };
+  JointsBy joints_;  ///< which M code made the controller take words for joints; 0: none
 };
 
 }  // namespace

@@ -83,10 +83,7 @@ Status Engine::check() {
                        "move it to a line of its own");
         }
       }
-      if (m >= 4280 && m <= 4300) {
-        return error(word.column, "GC120", fmt::format("M{} switches the controller's kinematics", m / 10),
-                     "post the program for the kinematics that the machine starts with");
-      }
+      if (const auto r = refusal_of_m(m / 10, options_.m_codes)) return error(word.column, r->id, r->why, r->hint);
       const int group = m_group_of(m / 10);
       const Word*& slot = m_groups[static_cast<std::size_t>(group)];
       if (group != 0 && slot != nullptr) {

@@ -18,9 +18,6 @@ struct Refusal {
 /// Why a G code, times ten, that neither `interpret` nor the engine knows is refused.
 Refusal refusal_of(int g);
 
-/// M words of a block; LinuxCNC takes no more.
-inline constexpr int kMostMWords = 4;
-
 /// A word of M19, M62 to M68 that is missing or that LinuxCNC does not take.
 struct WrongArgument {
   const Word* word = nullptr;

@@ -82,6 +82,7 @@ Result<Unrolled> unroll(Program program, const UnrollOptions& options) {
   engine.diameters = options.diameters;
   engine.diameter = options.diameter;
   engine.block_delete = options.interpret.block_delete;
+  engine.m_codes = options.interpret.m_codes;
   engine.files = options.files;
   engine.most_lines = options.most_lines;
   engine.text = false;

@@ -82,55 +82,6 @@ int group_of(int g) {
   }
 }
 
-std::string_view arguments_of_m(int m) {
-  if ((m >= 50 && m <= 53) || (m >= 62 && m <= 65)) return "P";
-  if (m == 61) return "Q";
-  if (m == 66) return "PQLE";
-  if (m == 67 || m == 68) return "EQ";
-  if (m == 19) return "RQP";
-  return m >= 100 ? "PQ" : "";
-}
-
-int m_group_of(int m) {
-  switch (m) {
-    case 0:
-    case 1:
-    case 2:
-    case 30:
-    case 60:
-      return 4;
-    case 62:
-    case 63:
-    case 64:
-    case 65:
-    case 66:
-    case 67:
-    case 68:
-      return 5;
-    case 6:
-    case 61:
-      return 6;
-    case 3:
-    case 4:
-    case 5:
-    case 19:
-      return 7;
-    case 7:
-    case 8:
-    case 9:
-      return 8;
-    case 48:
-    case 49:
-    case 50:
-    case 51:
-    case 52:
-    case 53:
-      return 9;
-    default:
-      return 0;
-  }
-}
-
 std::array<std::size_t, 3> axes_of(Plane plane) {
   return plane == Plane::xy   ? std::array<std::size_t, 3>{0, 1, 2}
          : plane == Plane::zx ? std::array<std::size_t, 3>{2, 0, 1}

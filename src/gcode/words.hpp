@@ -7,6 +7,7 @@
 #include <string>
 #include <string_view>
 
+#include "m_codes.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/gcode/program.hpp"
 #include "polypod/gcode/writer.hpp"
@@ -25,8 +26,6 @@ bool is_zero_group(int g);
 bool is_motion(int g);
 /// Modal group of a G code times ten: 0 for codes that are not carried out, 30 for those that are passed through.
 int group_of(int g);
-/// Modal group of an M code; 0 for those without.
-int m_group_of(int m);
 
 /// The first and second axis of a plane and its normal.
 std::array<std::size_t, 3> axes_of(Plane plane);

@@ -77,7 +77,31 @@ Status read_tools(const config::Table& table, Job& job) {
   return {};
 }
 
-/// [controller]: the planner's limits, and the shortest block.
+/// [controller.m_codes]: what M codes do that LinuxCNC does not have or that switch its kinematics.
+Status read_m_codes(const config::Table& controller, Job& job) {
+  POLYPOD_ASSIGN(codes, controller.optional_table("m_codes"));
+  if (!codes) return {};
+  for (const std::string& key : codes->keys()) {
+    const std::optional<int> number = gcode::m_code_named(key);
+    if (!number) {
+      return fail("MC101", fmt::format("\"{}\" is no M code that a controller's builder can add", key),
+                  codes->place_of(key),
+                  "write M and an integer up to 999 that is not one of LinuxCNC's own, as in M10 = \"nothing\"");
+    }
+    POLYPOD_ASSIGN(does, codes->text(key));
+    static const std::map<std::string_view, gcode::MCode> kMeanings = {
+        {"nothing", gcode::MCode::nothing}, {"tip", gcode::MCode::tip}, {"joints", gcode::MCode::joints}};
+    const auto meaning = kMeanings.find(does);
+    if (meaning == kMeanings.end()) {
+      return fail("MC101", fmt::format("{} = \"{}\" says nothing known", key, does), codes->place_of(key),
+                  "\"nothing\": it moves nothing; \"tip\", \"joints\": what the coordinates are from there on");
+    }
+    job.controller.m_codes[*number] = meaning->second;
+  }
+  return codes->finish();
+}
+
+/// [controller]: the planner's limits, the shortest block, and the M codes.
 Status read_controller(const config::Table& table, Job& job) {
   POLYPOD_ASSIGN(controller, table.optional_table("controller"));
   if (!controller) return {};
@@ -94,6 +118,7 @@ Status read_controller(const config::Table& table, Job& job) {
   planner.servo_period = units::from_ms(servo);
   job.controller.shortest_length = units::from_mm(length);
   job.controller.shortest_time = units::from_ms(time);
+  POLYPOD_TRY(read_m_codes(*controller, job));
   return controller->finish();
 }
 

@@ -4,6 +4,8 @@
 
 #include <array>
 #include <cstdint>
+#include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -113,10 +115,21 @@ struct PassedThrough {
   }
 };
 
+/// What an M code that LinuxCNC does not have, or that switches its kinematics, does on a controller.
+enum class MCode : std::uint8_t {
+  nothing,  ///< it moves nothing: a clamp, air
+  tip,      ///< from here on X, Y, Z, A, B, C are those of the tool, as at the start of a program
+  joints    ///< from here on they are joints, and moves are refused until an M code of `tip`
+};
+
+/// The number of an M code that a controller may have beside LinuxCNC's own: "M10" is 10; none for M3, M98, M1000, ...
+std::optional<int> m_code_named(std::string_view name);
+
 struct InterpretOptions {
   /// p_W of the origins of G54 ... G59, m. The first is usually zero: W is the frame of G54.
   std::array<Vec3, 6> work_offsets{Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
   bool block_delete = false;  ///< whether blocks that begin with `/` are skipped (the switch of the machine)
+  std::map<int, MCode> m_codes = {};  ///< of the controller at hand, beside those of LinuxCNC and M100 to M199
 };
 
 struct Interpretation {

@@ -38,6 +38,7 @@ struct Controller {
   PlannerLimits planner;
   double shortest_length = 0;  ///< m, no block that Polypod writes is shorter ...
   double shortest_time = 0;    ///< s, ... nor takes less time; 0: two servo periods
+  std::map<int, gcode::MCode> m_codes = {};  ///< gcode::InterpretOptions::m_codes
 
   [[nodiscard]] double shortest_block(double feed) const {
     const double by_time = shortest_time > 0 ? feed * planner.feed_override * shortest_time
@@ -94,6 +95,7 @@ struct Job {
     gcode::InterpretOptions options;
     options.work_offsets = work_offsets;
     options.block_delete = block_delete;
+    options.m_codes = controller.m_codes;
     return options;
   }
 };
