@@ -2,6 +2,7 @@
 #include "corrector.hpp"
 
 #include <cmath>
+#include <thread>
 
 #include "polypod/cutting/ball_stock.hpp"
 
@@ -21,7 +22,75 @@ constexpr std::size_t kLargestSecondStock = 200'000'000;
 // A point of a ball or of a bull nose costs as much as so many of a flat cutter.
 constexpr std::size_t kPointsOfABall = 60, kPointsOfABullNose = 10;
 
+std::size_t bytes_of(const cutting::Stock& stock) {
+  return stock.layers().size() * sizeof(float);
+}
+
+/// Distances become the larger of those of two passes over the same moves.
+void take_larger(const Prediction& fine, Prediction& prediction) {
+  for (std::size_t c = 0; c < fine.commanded_distance.size(); ++c) {
+    prediction.commanded_distance[c] = std::max(prediction.commanded_distance[c], fine.commanded_distance[c]);
+    prediction.commanded_ends[c].start |= fine.commanded_ends[c].start;
+    prediction.commanded_ends[c].end |= fine.commanded_ends[c].end;
+    Prediction::WithoutChips& known = prediction.commanded_without_chips[c];
+    const Prediction::WithoutChips& seen = fine.commanded_without_chips[c];
+    known = {std::max(known.start, seen.start), std::max(known.end, seen.end), std::max(known.at_rest, seen.at_rest)};
+  }
+  const std::size_t known = prediction.moves.size();
+  std::size_t at = 0;  // both lists rise with the moves of the program
+  for (const MovePrediction& m : fine.moves) {
+    while (at < known && prediction.moves[at].move < m.move) ++at;
+    if (at < known && prediction.moves[at].move == m.move) {
+      MovePrediction& same = prediction.moves[at];
+      same.largest_distance = std::max(same.largest_distance, m.largest_distance);
+    } else {
+      prediction.moves.push_back(m);
+    }
+  }
+  if (prediction.moves.size() > known) {
+    std::sort(prediction.moves.begin(), prediction.moves.end(),
+              [](const auto& a, const auto& b) { return a.move < b.move; });
+  }
+  prediction.largest_distance = std::max(prediction.largest_distance, fine.largest_distance);
+  prediction.not_judged.insert(prediction.not_judged.end(), fine.not_judged.begin(), fine.not_judged.end());
+}
+
 }  // namespace
+
+/// The same pass in cells half as large at steps half as long, beside the coarse one where there is a processor for it.
+class Corrector::FineLook {
+ public:
+  FineLook(Corrector& of, const gcode::Program& program, const Way& way)
+      : of_(of), program_(program), way_(way), progress_(of.progress("looking again with finer cells")) {
+    if (!of_.verifies()) return;
+    of_.fine_job();  // made here: the work must not make it beside another
+    if (std::thread::hardware_concurrency() < 2 || bytes_of(of_.fine_->stock) > kLargestSecondStock) return;
+    aside_.emplace([this](const Aside::Progress& report) { return look(report); }, progress_);
+  }
+  /// Distances become the larger of the two.
+  Status take_into(Prediction& coarse) {
+    POLYPOD_TRY(aside_ ? aside_->result(progress_) : look(progress_));
+    take_larger(fine_, coarse);
+    return {};
+  }
+
+ private:
+  Status look(const Aside::Progress& report) {
+    PredictOptions options;
+    options.step = 0.5 * of_.check_step();
+    options.progress = report;
+    POLYPOD_ASSIGN(seen, predict_way(*of_.fine_, program_, way_, options, of_.fine_scratch_));
+    fine_ = std::move(seen);
+    return {};
+  }
+
+  Corrector& of_;
+  const gcode::Program& program_;
+  const Way& way_;
+  const std::function<bool(double)> progress_;
+  Prediction fine_;
+  std::optional<Aside> aside_;  // last: it ends before what it works on
+};
 
 bool has_balls(const Job& job) {
   return cutting::is_ball(job.cutter) ||
@@ -90,8 +159,7 @@ Way Corrector::as_programmed() const {
 }
 
 Status Corrector::predict_and_find() {
-  const std::size_t bytes = job_.stock.layers().size() * sizeof(float);
-  if (bytes > kLargestSecondStock) {
+  if (bytes_of(job_.stock) > kLargestSecondStock) {
     const Status predicted = predict_as_it_is();
     POLYPOD_TRY(reached());
     POLYPOD_TRY(predicted);
@@ -118,9 +186,10 @@ Status Corrector::predict_as_it_is() {
   options.keep_samples = options_.keep_samples;
   options.progress = progress("predicting the program as it is");
   if (reach_ != nullptr) options.progress = reach_->unless_failed(options.progress);
+  FineLook fine(*this, program_, way);
   POLYPOD_ASSIGN(before, predict_way(job_, program_, way, options, scratch_));
   if (before.moves.empty()) return tl::unexpected(cuts_nothing(job_, program_, interpretation_));
-  if (verifies()) POLYPOD_TRY(look_finely(program_, way, before));
+  if (verifies()) POLYPOD_TRY(fine.take_into(before));
   return keep_before(std::move(before));
 }
 
@@ -147,39 +216,6 @@ const Job& Corrector::fine_job() {
     fine_->stock = job_.stock.in_half_cells();
   }
   return *fine_;
-}
-
-Status Corrector::look_finely(const gcode::Program& program, const Way& way, Prediction& prediction) {
-  PredictOptions options;
-  options.step = 0.5 * check_step();
-  options.progress = progress("looking again with finer cells");
-  POLYPOD_ASSIGN(fine, predict_way(fine_job(), program, way, options, fine_scratch_));
-  for (std::size_t c = 0; c < fine.commanded_distance.size(); ++c) {
-    prediction.commanded_distance[c] = std::max(prediction.commanded_distance[c], fine.commanded_distance[c]);
-    prediction.commanded_ends[c].start |= fine.commanded_ends[c].start;
-    prediction.commanded_ends[c].end |= fine.commanded_ends[c].end;
-    Prediction::WithoutChips& known = prediction.commanded_without_chips[c];
-    const Prediction::WithoutChips& seen = fine.commanded_without_chips[c];
-    known = {std::max(known.start, seen.start), std::max(known.end, seen.end), std::max(known.at_rest, seen.at_rest)};
-  }
-  const std::size_t known = prediction.moves.size();
-  std::size_t at = 0;  // both lists rise with the moves of the program
-  for (const MovePrediction& m : fine.moves) {
-    while (at < known && prediction.moves[at].move < m.move) ++at;
-    if (at < known && prediction.moves[at].move == m.move) {
-      MovePrediction& same = prediction.moves[at];
-      same.largest_distance = std::max(same.largest_distance, m.largest_distance);
-    } else {
-      prediction.moves.push_back(m);
-    }
-  }
-  if (prediction.moves.size() > known) {
-    std::sort(prediction.moves.begin(), prediction.moves.end(),
-              [](const auto& a, const auto& b) { return a.move < b.move; });
-  }
-  prediction.largest_distance = std::max(prediction.largest_distance, fine.largest_distance);
-  prediction.not_judged.insert(prediction.not_judged.end(), fine.not_judged.begin(), fine.not_judged.end());
-  return {};
 }
 
 Status Corrector::find_deflections() {
@@ -297,12 +333,13 @@ Status Corrector::check() {
   options.step = check_step();
   options.keep_samples = options_.keep_samples;
   options.progress = progress("checking what was written");
+  FineLook fine(*this, named_, way_);  // which counts where the coarse one finds nothing outside
   POLYPOD_ASSIGN(after, predict_way(job_, named_, way_, options, scratch_));
   rapids_ = no_rapid_cuts(job_, named_, after.pass);
   after_notes_ = pass_notes(job_, named_, after.pass);
   out_.verified = verifies() && (fit_finely_ || after.largest_distance <= inside());
   if (out_.verified) {
-    POLYPOD_TRY(look_finely(named_, way_, after));
+    POLYPOD_TRY(fine.take_into(after));
     fit_finely_ = fit_finely_ || after.largest_distance > inside();
   }
   take_after(std::move(after));

@@ -91,8 +91,7 @@ class Corrector {
 
   const Job& fine_job();
 
-  /// The same pass in cells half as large at steps half as long: distances become the larger of the two.
-  Status look_finely(const gcode::Program& program, const Way& way, Prediction& prediction);
+  class FineLook;
 
   /// The deflections with the tool on the programmed path; in the finer cells once the coarse ones have misled.
   Status find_deflections();
