@@ -1,12 +1,15 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
-// Predict and correct on short G1 lines, as 3D CAM output has them: lines a second on one core, from text to text.
+// Predict, correct and check on short G1 lines, as 3D CAM output has them: lines a second on one core, from text to
+// text.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
 #include <cmath>
 #include <string>
 
+#include "polypod/bodies/bodies.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/machining/check.hpp"
 #include "polypod/machining/correct.hpp"
 
 namespace {
@@ -88,6 +91,40 @@ BENCHMARK(predict_short_lines)
     ->ArgNames({"lines", "slopes"})
     ->Args({20000, 0})
     ->Args({20000, 1})
+    ->Unit(benchmark::kMillisecond);
+
+/// The KUKA KR 210 of examples/bodies follows the program, without bodies or with its capsules and cylinders.
+void check_short_lines(benchmark::State& state) {
+  const int lines = static_cast<int>(state.range(0));
+  const std::string text = wavy_program(lines, true);
+  const std::string examples = POLYPOD_SOURCE_DIR "/examples/bodies/";
+  const machine::AnyMachine robot = *machine::load(examples + "kuka.toml");
+  const Pose X_MW{Mat3::Identity(), Vec3(1.5, 0, 0.8)};
+  for (auto _ : state) {
+    const gcode::Program program = *gcode::parse(text, "bench.ngc");
+    const gcode::Interpretation moves = *gcode::interpret(program);
+    machining::CheckOptions options;
+    options.limits.joint_speeds = kinematics::speed_limits(robot);
+    if (state.range(1) != 0) {
+      auto bodies = bodies::read(examples + "bodies.toml", robot);
+      if (!bodies) return state.SkipWithError(to_string(bodies.error()).c_str());
+      const auto watch = std::make_shared<bodies::Watch>(robot, X_MW, std::move(*bodies));
+      options.touches = [watch](const Pose& X_MT, const machine::JointVector& q, bool continues, int tool) {
+        const auto pair = watch->to(X_MT, q, continues, tool);
+        return pair ? pair->first + " and " + pair->second : std::string();
+      };
+    }
+    const auto result = machining::check(robot, X_MW, program, moves, options);
+    if (!result) return state.SkipWithError(to_string(result.error()).c_str());
+    state.counters["problems"] = static_cast<double>(result->problems.size());
+  }
+  state.counters["lines_per_second"] =
+      benchmark::Counter(lines * double(state.iterations()), benchmark::Counter::kIsRate);
+}
+BENCHMARK(check_short_lines)
+    ->ArgNames({"lines", "bodies"})
+    ->Args({100000, 0})
+    ->Args({100000, 1})
     ->Unit(benchmark::kMillisecond);
 
 void correct_short_lines(benchmark::State& state) {

@@ -87,6 +87,8 @@ std::vector<std::string> notes_of(const Input& in, const PlaceResult& result, co
         "the part is not turned: the program tilts the tool by A and B, which are axes of the machine and do not turn "
         "with it");
   }
+  if (std::string joints = machining::without_speed(in.job.joint_speeds); !joints.empty())
+    out.push_back(std::move(joints));
   if (const auto said = weight.note()) out.push_back(*said);
   if (machine::limits_are_assumed(in.job.machine))
     out.push_back(fmt::format("limits of the joints are not judged: {}", machine::kAssumedLimits));

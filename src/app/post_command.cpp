@@ -352,9 +352,6 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
                     path.steps[static_cast<std::size_t>(plan.moves.front().step)].line));
   }
   if (std::string joints = machining::without_speed(speeds); !joints.empty()) out.push_back(std::move(joints));
-  if (plan.speed_joint == 0 && speeds.empty())
-    out.emplace_back(
-        "the speeds of the joints are not judged: neither --joint-speeds, the job nor the machine gives any");
   std::set<int> long_ways;  // lines that turn the tool about its axis by half a turn or more
   for (const post::Step& s : path.steps) {
     if (s.moves() && s.tool != 0) tools.insert(s.tool);

@@ -82,4 +82,28 @@ void cosines_and_sines(const double* angles, int count, double* cosines, double*
   }
 }
 
+#ifdef __x86_64__
+namespace {
+[[gnu::target("avx2")]] void four_at_a_time(const double* y, const double* x, double* out, int count) {
+  using Four = double __attribute__((vector_size(32)));
+  using FourBits = long long __attribute__((vector_size(32)));
+  for (int i = 0; i < count; i += 4) {
+    angles_at<Four, FourBits>(Four{x[i], x[i + 1], x[i + 2], x[i + 3]}, Four{y[i], y[i + 1], y[i + 2], y[i + 3]},
+                              out + i);
+  }
+}
+}  // namespace
+#endif
+
+bool angles_of_four(const double* y, const double* x, double* out, int count) {
+#ifdef __x86_64__
+  static const bool wide = __builtin_cpu_supports("avx2") != 0;
+  if (wide) four_at_a_time(y, x, out, count);
+  return wide;
+#else
+  (void)y, (void)x, (void)out, (void)count;
+  return false;
+#endif
+}
+
 }  // namespace polypod

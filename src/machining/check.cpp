@@ -159,6 +159,7 @@ std::vector<std::string> starting_branches(const machine::AnyMachine& machine, c
 }
 
 std::string without_speed(const std::vector<double>& limits) {
+  if (limits.empty()) return "the speeds of the joints are not judged: neither the job nor the machine gives any";
   std::vector<std::string> none;
   for (std::size_t i = 0; i < limits.size(); ++i)
     if (!std::isfinite(limits[i])) none.push_back(fmt::format("{}", i + 1));
@@ -324,10 +325,10 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     out.notes.push_back(fmt::format("no cut was there in which the {} of the joints could be judged", what));
   if (auto side = note_on_side(machine)) out.notes.push_back(std::move(*side));
   if (auto tools = note_on_one_tip(interpretation.moves)) out.notes.push_back(std::move(*tools));
-  if (!speeds && !interpretation.moves.empty())
-    out.notes.emplace_back("the speeds of the joints are not judged: no job gives joint_speeds");
-  if (std::string joints = without_speed(options.limits.joint_speeds); !joints.empty())
+  if (std::string joints = without_speed(options.limits.joint_speeds);
+      !joints.empty() && !interpretation.moves.empty()) {
     out.notes.push_back(std::move(joints));
+  }
   constexpr double kUpright = units::from_deg(0.1);
   if (lean > kUpright) {
     out.notes.push_back(fmt::format(

@@ -168,11 +168,12 @@ Status force_is_known(const Job& job) {
   double half_95 = 0;
   for (const std::array<double, 6>& variation : job.material.spread) half_95 = std::hypot(half_95, variation[0]);
   if (half_95 < job.material.ktc || half_95 == 0) return {};
+  const double percent = 100 * half_95 / job.material.ktc;
   return fail(
       "MC311",
-      fmt::format("the tangential cutting coefficient is said to within {:.3g} % (95 %): it might be 0 or below, "
-                  "and nothing can be said of what that does",
-                  100 * half_95 / job.material.ktc),
+      fmt::format("the tangential cutting coefficient is {}: it might be 0 or below, and nothing can be said of what "
+                  "that does",
+                  std::isfinite(percent) ? fmt::format("said to within {:.3g} % (95 %)", percent) : "0 itself"),
       {job.path, 0, 0},
       "check spread_95 of the material (half of 95 % intervals) and force_uncertainty, or measure the forces");
 }

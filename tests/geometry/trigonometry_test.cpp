@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numbers>
 #include <random>
@@ -35,6 +36,14 @@ void check_direction(double y, double x) {
     ys[i] = y;
     xs[i] = x;
     angles_of(ys, xs, angle);
+    // Where there are many, four are taken at a time: the same to the last bit.
+    double many_y[12], many_x[12], many[12];
+    for (std::size_t k = 0; k < 12; ++k) {
+      many_y[k] = ys[(k + i) % 4];
+      many_x[k] = xs[(k + i) % 4];
+    }
+    angles_of(many_y, many_x, many);
+    for (std::size_t k = 0; k < 12; ++k) EXPECT_EQ(std::memcmp(&many[k], &angle[(k + i) % 4], sizeof(double)), 0) << k;
     for (std::size_t k = 0; k < 4; ++k) {
       const long double exact = std::atan2(static_cast<long double>(ys[k]), static_cast<long double>(xs[k]));
       EXPECT_NEAR(angle[k], static_cast<double>(exact), 5.5e-16) << ys[k] << " " << xs[k];

@@ -14,8 +14,44 @@ namespace polypod {
 /// fdlibm's.
 void cosines_and_sines(const double* angles, int count, double* cosines, double* sines);
 
-/// out[i] = the angle of the direction (x[i], y[i]) in [-pi, pi], 0 where both are 0; finite x and y. Two at a time and
-/// without branches: a third of the time of std::atan2. Within 5e-16 rad of it. N is even.
+/// Of `angles_of`: `Lanes` are doubles, `Bits` as many integers of 64 bits.
+/// @cond
+template <class Lanes, class Bits>
+[[gnu::always_inline]] inline void angles_at(const Lanes& X, const Lanes& Y, double* out) {
+  constexpr double kPi = 3.14159265358979323846, kTanEighth = 0.41421356237309504880;
+  constexpr double kQ[11] = {-0.3333333333333333,  0.1999999999999552,  -0.14285714284666542, 0.11111111015256361,
+                             -0.09090904578123903, 0.07692183190826087, -0.06664511447381948, 0.0585814891280221,
+                             -0.0508544973794026,  0.03923165829558719, -0.01917688711906226};
+  const Bits sign = Bits{} + static_cast<long long>(1ULL << 63U);
+  const Lanes zero{};
+  const Lanes ax = (Lanes)((Bits)X & ~sign), ay = (Lanes)((Bits)Y & ~sign);
+  const Bits beyond = ay > ax;  // nearer to the y axis
+  // Masks keep a value or leave 0.
+  const Lanes least = (Lanes)((beyond & (Bits)ax) | (~beyond & (Bits)ay));
+  const Lanes most = (Lanes)((beyond & (Bits)ay) | (~beyond & (Bits)ax));
+  const Bits steep = least > kTanEighth * most;
+  const Lanes over = least - (Lanes)(steep & (Bits)most);
+  Lanes under = most + (Lanes)(steep & (Bits)least);
+  under += (Lanes)((under == zero) & (Bits)(zero + 1));
+  const Lanes t = over / under, z = t * t, z2 = z * z, z4 = z2 * z2;
+  const Lanes q = ((kQ[0] + kQ[1] * z) + (kQ[2] + kQ[3] * z) * z2) +
+                  ((kQ[4] + kQ[5] * z) + (kQ[6] + kQ[7] * z) * z2) * z4 +
+                  ((kQ[8] + kQ[9] * z) + kQ[10] * z2) * (z4 * z4);
+  Lanes angle = t + (t * z) * q + (Lanes)(steep & (Bits)(zero + kPi / 4));
+  angle = (Lanes)(beyond & (Bits)(zero + kPi / 2)) + (Lanes)((Bits)angle ^ (beyond & sign));
+  const Bits behind = X < zero;
+  angle = (Lanes)(behind & (Bits)(zero + kPi)) + (Lanes)((Bits)angle ^ (behind & sign));
+  angle = (Lanes)((Bits)angle | ((Bits)Y & sign));
+  std::memcpy(out, &angle, sizeof angle);
+}
+
+/// Four at a time, where the processor can; false where it cannot. `count` is a multiple of four.
+bool angles_of_four(const double* y, const double* x, double* out, int count);
+/// @endcond
+
+/// out[i] = the angle of the direction (x[i], y[i]) in [-pi, pi], 0 where both are 0; finite x and y. Without branches,
+/// two at a time, or four where there are many and the processor can, with the same result: a third of the time of
+/// std::atan2, or a fifth. Within 5e-16 rad of it. N is even.
 ///
 /// The direction is turned into the first octant, and by an eighth of a turn where its slope is above tan(pi/8); then
 ///   atan t = t + t^3 q(t^2), |t| <= tan(pi/8),
@@ -25,32 +61,12 @@ inline void angles_of(const double (&y)[N], const double (&x)[N], double (&out)[
   static_assert(N % 2 == 0);
   using Pair = double __attribute__((vector_size(16)));
   using Bits = long long __attribute__((vector_size(16)));
-  constexpr double kPi = 3.14159265358979323846, kTanEighth = 0.41421356237309504880;
-  constexpr double kQ[11] = {-0.3333333333333333,  0.1999999999999552,  -0.14285714284666542, 0.11111111015256361,
-                             -0.09090904578123903, 0.07692183190826087, -0.06664511447381948, 0.0585814891280221,
-                             -0.0508544973794026,  0.03923165829558719, -0.01917688711906226};
-  constexpr Bits kSign = {static_cast<long long>(1ULL << 63U), static_cast<long long>(1ULL << 63U)};
-  const auto both = [](double value) { return Pair{value, value}; };
-  const auto where = [](Bits mask, Pair value) { return (Pair)(mask & (Bits)value); };  // else 0
+  if constexpr (N >= 12 && N % 4 == 0) {
+    if (angles_of_four(y, x, out, N)) return;
+  }
   for (int i = 0; i < N; i += 2) {
-    const Pair X = {x[i], x[i + 1]}, Y = {y[i], y[i + 1]};  // each by itself: both were stored by themselves
-    const Pair ax = (Pair)((Bits)X & ~kSign), ay = (Pair)((Bits)Y & ~kSign);
-    const Bits beyond = ay > ax;  // nearer to the y axis
-    const Pair least = where(beyond, ax) + where(~beyond, ay), most = where(beyond, ay) + where(~beyond, ax);
-    const Bits steep = least > both(kTanEighth) * most;
-    const Pair over = least - where(steep, most);
-    Pair under = most + where(steep, least);
-    under += where(under == both(0), both(1));
-    const Pair t = over / under, z = t * t, z2 = z * z, z4 = z2 * z2;
-    const Pair q = ((both(kQ[0]) + kQ[1] * z) + (both(kQ[2]) + kQ[3] * z) * z2) +
-                   ((both(kQ[4]) + kQ[5] * z) + (both(kQ[6]) + kQ[7] * z) * z2) * z4 +
-                   ((both(kQ[8]) + kQ[9] * z) + kQ[10] * z2) * (z4 * z4);
-    Pair angle = t + (t * z) * q + where(steep, both(kPi / 4));
-    angle = where(beyond, both(kPi / 2)) + (Pair)((Bits)angle ^ (beyond & kSign));
-    const Bits behind = X < both(0);
-    angle = where(behind, both(kPi)) + (Pair)((Bits)angle ^ (behind & kSign));
-    angle = (Pair)((Bits)angle | ((Bits)Y & kSign));
-    std::memcpy(out + i, &angle, sizeof angle);
+    // Each by itself: both were stored by themselves.
+    angles_at<Pair, Bits>(Pair{x[i], x[i + 1]}, Pair{y[i], y[i + 1]}, out + i);
   }
 }
 

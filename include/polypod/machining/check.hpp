@@ -75,8 +75,8 @@ struct CheckOptions {
 Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, const gcode::Program& program,
                           const gcode::Interpretation& interpretation, const CheckOptions& options = {});
 
-/// "the speeds of joints 2 and 3 are not judged: no limits are given"; empty where all or none of the limits (rad/s or
-/// m/s, infinite where not given) are.
+/// "the speeds of joints 2 and 3 are not judged: no limits are given", or that none is judged; empty where all of the
+/// limits (rad/s or m/s, infinite where not given) are.
 std::string without_speed(const std::vector<double>& limits);
 
 /// The postures within the limits at the first point that is judged, by name, the one that `check` takes first; empty
