@@ -32,10 +32,10 @@ Command budget_command() {
             declare_machine(a, o->machine, o->sets);
             a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
             a.option("--tolerance", o->tolerances, "KEY=mm (angles deg): of elements, as in `errors` (repeatable)");
-            a.option("--resolution", o->resolution, kJointError, "Of every joint, mm or deg");
+            a.option("--resolution", o->resolution, kJointError, "Of every joint, mm (of turning joints deg)");
             a.option("--repeatability", o->repeatability, kJointError,
-                     "Of every joint, three standard deviations, mm or deg");
-            a.option("--backlash", o->backlash, kJointError, "Of every joint, mm or deg");
+                     "Of every joint, three standard deviations, mm (of turning joints deg)");
+            a.option("--backlash", o->backlash, kJointError, "Of every joint, mm (of turning joints deg)");
             a.option("--force", o->force, "Fx,Fy,Fz on the tool tip in M, N");
             a.option("--temperature-rise", o->warming, {-300, 3000}, "Above the temperature of the nominal lengths, K");
             a.option("--covariance", o->covariance,
@@ -55,8 +55,7 @@ Command budget_command() {
             if (!here.reachable) return cannot_take(context, here.reason);
             Json document = Json::object();
             if (const auto no = said_of_singular_pose(m, here, context, document, figures)) return *no;
-            const bool turns = kinematics::joint_kind(m, 0) == machine::JointKind::revolute;
-            const auto of_joint = [&](double v) { return turns ? units::from_deg(v) : units::from_mm(v); };
+            const auto of_joint = [](double v) { return quality::JointError{units::from_mm(v), units::from_deg(v)}; };
             quality::Imperfections known;
             if (!o->covariance.empty()) {
               POLYPOD_ASSIGN(covariance, parameter_covariance(m, o->sets, o->covariance));

@@ -36,6 +36,7 @@ std::vector<Tool> sample_tools() {
   const auto tool = [](int number, double length, double diameter) {
     Tool t;
     t.number = number;
+    t.pocket = number == 99999 ? 123 : number;
     t.offset[2] = length;
     t.diameter = diameter;
     return t;
@@ -102,7 +103,7 @@ Result<std::vector<Tool>> read_tools(const std::string& path) {
       if (letter == 'T' || letter == 'P') {
         if (value < 0 || value > 99999 || value != std::floor(value)) return bad("is no number from 0 to 99999");
         (letter == 'T' ? has_number : has_pocket) = true;
-        if (letter == 'T') tool.number = static_cast<int>(value);
+        (letter == 'T' ? tool.number : tool.pocket) = static_cast<int>(value);
       } else if (const std::size_t axis = std::string_view("XYZABCUVW").find(letter); axis != std::string_view::npos) {
         tool.offset[axis] = value;
       } else if (letter == 'D') {

@@ -69,7 +69,7 @@ double distance(const Point& a, const Point& b) {
 }  // namespace
 
 /// What LinuxCNC refuses while compensation is on.
-Status Engine::judge_compensated() const {
+Status Engine::judge_compensated(bool begins) const {
   const bool ends = one_of('G', 400) >= 0;  // before length offset, work offset, path mode, retract mode, motion
   struct Bad {
     char letter;
@@ -102,9 +102,10 @@ Status Engine::judge_compensated() const {
   for (const Word& word : block_->words) {
     if (word.letter != 'G' && word.letter != 'M') continue;
     const int code = code_of(word);
-    const bool unit = word.letter == 'G' && ((code == 200 && !inches_) || (code == 210 && inches_));
+    const bool unit = !begins && word.letter == 'G' && ((code == 200 && !inches_) || (code == 210 && inches_));
     for (const Bad& bad : kBad) {
       if (word.letter != bad.letter || code < bad.from || code > bad.to || (ends && !bad.also_beside_end)) continue;
+      if (begins && (bad.also_beside_end || bad.from == 410)) continue;  // they act before it
       return error(
           word.column, "GC172",
           fmt::format("{}{} while cutter radius compensation is on: {}", word.letter, number(word.value, 1), bad.what),
@@ -197,6 +198,12 @@ Status Engine::compensation(int g) {
     return error(column, "GC169", "cutter radius compensation from a position that is not known",
                  "give X and Y before, in absolute coordinates");
   }
+  const bool moves = axis_words() || find('I') != nullptr || find('J') != nullptr;
+  if (moves && one_of('M', 60, 610) >= 0) {
+    return error(column, "GC121",
+                 "cutter radius compensation, a tool change and a move in one block: LinuxCNC 2.9 loses this move",
+                 "change the tool in a block before");
+  }
   put(side > 0 ? "COMMENT(\"interpreter: cutter radius compensation on left\")"
                : "COMMENT(\"interpreter: cutter radius compensation on right\")");
   side_ = side;
@@ -206,7 +213,7 @@ Status Engine::compensation(int g) {
   stopped_ = false;
   last_.reset();
   reached_.reset();
-  return {};
+  return judge_compensated(true);
 }
 
 /// The place of the tool beside p on a path with this heading.

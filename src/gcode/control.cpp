@@ -76,18 +76,7 @@ Status Engine::step() {
   here_ = source().program->blocks[frame().at++];
   const Block& block = here_;
   written_block_ = &block;
-  if (block.percent) {
-    begin_plain();
-    block_ = &block;
-    if (percent_ && frames_.size() == 1) {
-      number_ = kNoNumber;
-      put_now("FINISH()");
-      ends_ = finished_ = true;
-    }
-    percent_ = true;
-    add_plain(block.text, true);
-    return {};
-  }
+  if (block.percent) return percent(block);
   if (block.text.size() > kLongestLine && options_.checks) {
     block_ = &block;
     return error(static_cast<int>(kLongestLine) + 1, "GC108",
@@ -101,10 +90,7 @@ Status Engine::step() {
   Place place{source().program->path, block.line, 0};
   // A label alone is looked at first: what stands behind it must not be evaluated where it does not run.
   POLYPOD_ASSIGN(line, read_line(block.text, *this, place));
-  if (line.percent) {
-    if (frames_.size() == 1) ends_ = finished_ = true;
-    return {};
-  }
+  if (line.percent) return percent(block);
   if (line.optional && options_.block_delete) return {};
   if (!line.keyword.empty()) return control(line, block);
   scratch_.text = block.text;
@@ -118,12 +104,38 @@ Status Engine::step() {
   return execute(scratch_);
 }
 
+/// The first opens the program; the next one that is reached ends it, in a subprogram too.
+Status Engine::percent(const Block& block) {
+  block_ = &block;
+  if (!is_percent(block.text)) {
+    return error(1, "GC105", "'%' within a block; '%' stands alone on its line, without a comment",
+                 "move it to its own line");
+  }
+  if (!percent_ && (frames_.size() > 1 || block.after_end)) {
+    return error(1, "GC105", "'%' in a program that did not begin with '%'", "remove this line");
+  }
+  begin_plain();
+  if (percent_) {
+    number_ = kNoNumber;
+    put_now("FINISH()");
+    ends_ = finished_ = true;
+  }
+  percent_ = true;
+  add_plain("%", true);
+  return {};
+}
+
 Status Engine::execute(const Block& block) {
   if (options_.checks) {
     for (const Word& word : block.words) {
       if (word.letter != 'M') continue;
       if (word.value == 98 || word.value == 99) {
         block_ = &block;
+        if (block.text.substr(0, static_cast<std::size_t>(word.column)).find('(') != std::string_view::npos) {
+          return error(word.column, "GC119",
+                       fmt::format("a comment before M{}, behind which LinuxCNC does not know it", word.value),
+                       "write it behind");
+        }
         for (const Word& other : block.words) {
           if (std::string_view("MNPLO").find(other.letter) == std::string_view::npos) {
             return error(other.column, "GC119", fmt::format("{} beside M{}", other.letter, word.value),
@@ -149,30 +161,25 @@ std::optional<std::pair<std::string, std::string>> Engine::o_word(std::string_vi
   return std::pair{line->label, line->keyword};
 }
 
-void Engine::search(Source& source) {
-  source.searched = true;
+std::optional<std::size_t> Engine::first_of(const std::string& label, const Source& source, std::size_t from) const {
   const auto& blocks = source.program->blocks;
-  for (std::size_t i = 0; i < blocks.size(); ++i) {
-    auto word = o_word(blocks[i].text);
-    if (!word || (word->second != "sub" && !word->second.empty())) continue;
-    source.subs.emplace(std::move(word->first), i);
+  for (std::size_t i = from; i < blocks.size(); ++i) {
+    const std::string_view text = blocks[i].text;
+    if (ends_file(text)) return std::nullopt;
+    const auto word = o_word(text);
+    if (word && word->first == label && (word->second == "sub" || word->second.empty())) return i;
   }
+  return std::nullopt;
 }
 
+/// As LinuxCNC: where the program has come past it or called it before; in a file of its name; else behind the call.
 Result<std::pair<std::size_t, std::size_t>> Engine::find_sub(const std::string& label, const Block& block, int column,
                                                              bool by_number) {
-  if (!source().searched) search(source());
-  if (const auto at = source().subs.find(label); at != source().subs.end()) {
-    return std::pair{frame().source, at->second};
-  }
-  for (std::size_t i = 0; i < sources_.size(); ++i) {
-    if (!sources_[i]->searched) search(*sources_[i]);
-    if (const auto at = sources_[i]->subs.find(label); at != sources_[i]->subs.end()) return std::pair{i, at->second};
-  }
+  if (const auto known = subs_.find(label); known != subs_.end()) return known->second;
   block_ = &block;
   const auto missing = [&](std::string why) {
     return error(column, "GC164", fmt::format("the subprogram {} {}", shown(label), why),
-                 "define it in the program, or lay LABEL.ngc beside the program");
+                 "define it in the program, before its first call or behind M2, or lay LABEL.ngc beside the program");
   };
   // Only a file in the folder of the program: no label leads out of it.
   const bool plain_name = label.find_first_of("/\\:") == std::string::npos && label.find("..") == std::string::npos;
@@ -180,7 +187,9 @@ Result<std::pair<std::size_t, std::size_t>> Engine::find_sub(const std::string& 
   const std::filesystem::path path = folder / (label + ".ngc");
   std::error_code ignored;
   if (!options_.files || !plain_name || !std::filesystem::is_regular_file(path, ignored)) {
-    return missing("is not in the program, nor a file beside it");
+    const auto at = first_of(label, source(), frame().at);
+    if (!at) return missing("is not in the program behind its call, nor a file beside it");
+    return subs_[label] = {frame().source, *at};
   }
   if (sources_.size() > 100) return missing("would be the hundredth file");
   if (std::filesystem::file_size(path, ignored) > kLongestSubprogram) return missing("is a file of more than 16 MB");
@@ -188,17 +197,22 @@ Result<std::pair<std::size_t, std::size_t>> Engine::find_sub(const std::string& 
   auto source = std::make_unique<Source>();
   source->own = std::move(program);
   source->program = &source->own;
-  search(*source);
-  const auto at = source->subs.find(label);
-  if (at == source->subs.end()) {
-    const std::string why = fmt::format("is not defined in {}", path.string());
+  const auto at = first_of(label, *source, 0);
+  if (!at) {
+    const auto& blocks = source->program->blocks;
+    if (!blocks.empty() && ends_file(blocks[0].text)) {
+      return error(
+          column, "GC164",
+          fmt::format("{} begins with '%', and so does the program: LinuxCNC stops reading there", path.string()),
+          "take the '%' lines out of the file of the subprogram");
+    }
+    const std::string why = fmt::format("is not defined in {}, where LinuxCNC looks for it", path.string());
     if (!by_number) return missing(why);
     return error(column, "GC164", fmt::format("the subprogram {} {}", shown(label), why),
                  fmt::format("begin the file with the line O{}", label));
   }
-  const std::size_t line = at->second;
   sources_.push_back(std::move(source));
-  return std::pair{sources_.size() - 1, line};
+  return subs_[label] = {sources_.size() - 1, *at};
 }
 
 Status Engine::call(const std::string& label, const std::vector<double>& arguments, const Block& block, int column) {
@@ -212,7 +226,6 @@ Status Engine::call(const std::string& label, const std::vector<double>& argumen
   if (!head || head->second != "sub") {
     return error(column, "GC163", fmt::format("{} is a program with a number; M98 calls it", shown(label)), "use M98");
   }
-  if (!passed_.contains(place)) called_ahead_.insert(place);
   Frame next;
   next.source = place.first;
   next.at = next.begin = place.second + 1;
@@ -339,6 +352,7 @@ Status Engine::skip_to(const std::string& label, std::initializer_list<std::stri
   const auto& blocks = source().program->blocks;
   const std::size_t from = frame().at;
   for (std::size_t& at = frame().at; at < blocks.size(); ++at) {
+    if (ends_file(blocks[at].text)) break;
     const auto word = o_word(blocks[at].text);
     if (!word || word->first != label) continue;
     if (word->second == "break") pass_break(label, false);
@@ -367,14 +381,18 @@ Status Engine::control(const Line& line, const Block& block) {
   if (word == "sub") {
     if (frames_.size() > 1) return bad("a subprogram within a subprogram", "define it outside");
     const std::pair place{f.source, here};
-    if (called_ahead_.contains(place)) {
-      return bad(fmt::format("{} was called before the program came to it, which LinuxCNC refuses here", shown(label)),
-                 "define it before its first call, or behind M2");
+    const auto [known, is_new] = subs_.try_emplace(label, place);
+    if (!is_new) {
+      return known->second == place
+                 ? bad(fmt::format("the program comes to {} once more, or after it was called, which LinuxCNC refuses",
+                                   shown(label)),
+                       "define it before its first call, outside of loops, or behind M2")
+                 : bad(fmt::format("{} is defined a second time", shown(label)), "give each subprogram its own label");
     }
-    passed_.insert(place);
     return [&]() -> Status {
       const auto& blocks = source().program->blocks;
       for (std::size_t i = f.at; i < blocks.size(); ++i) {
+        if (ends_file(blocks[i].text)) break;
         const auto other = o_word(blocks[i].text);
         if (!other) continue;
         if (other->second == "sub") {

@@ -184,8 +184,7 @@ Status Engine::end_program(bool pallet) {
   if (percent_ && frame().source == 0) {  // the closing one is looked for in the rest of the file
     const Blocks& blocks = source().program->blocks;
     for (std::size_t i = frame().at; i < blocks.size() && !closes_; ++i) {
-      const std::string_view text = from_first_word(blocks[i].text);
-      closes_ = text.starts_with('%') && from_first_word(text.substr(1)).empty();
+      closes_ = is_percent(blocks[i].text);
     }
     if (!closes_) put("COMMENT(\"interpreter: percent sign missing from end of file\")");
   }

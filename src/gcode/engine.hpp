@@ -12,7 +12,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
 #include <unordered_map>
@@ -23,6 +22,7 @@
 #include "fixed.hpp"
 #include "polypod/gcode/explain.hpp"
 #include "polypod/gcode/interpreter.hpp"
+#include "text.hpp"
 
 namespace polypod::gcode {
 
@@ -31,6 +31,7 @@ using ToolOffset = std::array<double, 9>;  // and U, V, W
 
 struct Tool {
   int number = 0;
+  int pocket = 0;
   ToolOffset offset{};  // inches and deg
   double diameter = 0;  // inches
   double front_angle = 0;
@@ -50,10 +51,10 @@ struct EngineOptions {
   bool machine_known = true;
   bool block_delete = false;
   std::map<int, MCode> m_codes = {};  ///< InterpretOptions::m_codes
-  bool text = true;     ///< write canonical calls
-  bool plain = false;   ///< write plain blocks
-  bool files = true;    ///< whether files beside the program are read
-  bool checks = false;  ///< judge words: only for programs that `interpret` has not judged
+  bool text = true;                   ///< write canonical calls
+  bool plain = false;                 ///< write plain blocks
+  bool files = true;                  ///< whether files beside the program are read
+  bool checks = false;                ///< judge words: only for programs that `interpret` has not judged
   long most_lines = 5'000'000;
 };
 
@@ -94,8 +95,6 @@ class Engine final : private Parameters {
   struct Source {
     Program own;  // of a file beside the program
     const Program* program = nullptr;
-    std::map<std::string, std::size_t> subs;  // where a label's `sub` or number stands; found when it is wanted
-    bool searched = false;
   };
   struct LabelUse {
     std::string keyword;  // if, while, do, repeat
@@ -146,6 +145,7 @@ class Engine final : private Parameters {
   }
   Status run_lines();
   Status step();
+  Status percent(const Block& block);
   Status execute(const Block& block);
   Status control(const Line& line, const Block& block);
   Status call(const std::string& label, const std::vector<double>& arguments, const Block& block, int column);
@@ -160,7 +160,11 @@ class Engine final : private Parameters {
                                                        bool by_number);
   /// The label and the keyword of a line with an O word, a computed label with the parameters as they are now.
   [[nodiscard]] std::optional<std::pair<std::string, std::string>> o_word(std::string_view text) const;
-  void search(Source& source);
+  /// Where `sub` of a label, or the label alone, stands first from a line on, as far as the file is read.
+  [[nodiscard]] std::optional<std::size_t> first_of(const std::string& label, const Source& source,
+                                                    std::size_t from) const;
+  /// Whether LinuxCNC stops reading at a line that it does not run: a '%' where the program began with one.
+  [[nodiscard]] bool ends_file(std::string_view text) const { return percent_ && is_percent(text); }
   Status assign(const Line& line, const Block& block);
   Frame& frame() { return frames_.back(); }
   Source& source() { return *sources_[frame().source]; }
@@ -301,7 +305,8 @@ class Engine final : private Parameters {
   [[nodiscard]] bool compensating() const { return side_ != 0 && cutter_radius_ > 0; }
   /// Where programmed distances count from.
   [[nodiscard]] const Axes& programmed() const { return compensating() ? programmed_ : current_; }
-  Status judge_compensated() const;
+  /// `begins`: of the block that turns it on, after which LinuxCNC takes offsets, modes and motion.
+  [[nodiscard]] Status judge_compensated(bool begins = false) const;
   Status compensation(int g);
   Result<double> cutter_diameter(int g);
   Status compensated_line(const Axes& end, bool rapid);
@@ -378,7 +383,7 @@ class Engine final : private Parameters {
   // Control.
   std::vector<std::unique_ptr<Source>> sources_;
   /// Where subprograms stand, by source and line, that the program has come to, and those that it called before.
-  std::set<std::pair<std::size_t, std::size_t>> passed_, called_ahead_;
+  std::map<std::string, std::pair<std::size_t, std::size_t>> subs_;  // source and line of those passed or called
   std::vector<Frame> frames_;
   std::vector<double> parameters_;
   std::vector<bool> told_;

@@ -232,6 +232,17 @@ class LineReader {
     return name;
   }
 
+  Status skip_comments() {
+    while (!at_end() && peek() == '(') {
+      const std::size_t close = text_.find(')', at_);
+      if (close == std::string_view::npos) {
+        return error("GC103", "a comment that is not closed on its line", "add ')'");
+      }
+      at_ = close + 1;
+    }
+    return {};
+  }
+
   Status o_word() {
     line_.label_column = static_cast<int>(at_) + 1;
     ++at_;
@@ -260,19 +271,26 @@ class LineReader {
       at_ = from;
       return {};
     }
-    while (!at_end() && peek() == '[') {
-      if (line_.arguments.size() == 30) return error("GC163", "more than 30 arguments", "remove some");
-      POLYPOD_ASSIGN(argument, value());
-      line_.arguments.push_back(argument);
-    }
-    if (!at_end() && peek() != '(' && peek() != ';') {
-      return error("GC163", fmt::format("'{}' behind an O word", peek()), "move it to a line of its own");
-    }
-    if (!at_end() && peek() == '(' && text_.find(')', at_) == std::string_view::npos) {
-      return error("GC103", "a comment that is not closed on its line", "add ')'");
-    }
+    const bool call = line_.keyword == "call";
     const bool condition =
         line_.keyword == "if" || line_.keyword == "elseif" || line_.keyword == "while" || line_.keyword == "repeat";
+    const bool returns = line_.keyword == "endsub" || line_.keyword == "return";
+    const std::size_t most = call ? 30 : condition || returns ? 1 : 0;
+    if (call) POLYPOD_TRY(skip_comments());
+    while (!at_end() && peek() == '[') {
+      if (line_.arguments.size() == most) {
+        return call ? error("GC163", "more than 30 arguments", "remove some")
+                    : error("GC163", fmt::format("{} behind '{}'", most == 0 ? "a value" : "a second value", name),
+                            "remove it");
+      }
+      POLYPOD_ASSIGN(argument, value());
+      line_.arguments.push_back(argument);
+      if (call) POLYPOD_TRY(skip_comments());  // they may stand between its arguments alone
+    }
+    POLYPOD_TRY(skip_comments());
+    if (!at_end() && peek() != ';') {
+      return error("GC163", fmt::format("'{}' behind an O word", peek()), "move it to a line of its own");
+    }
     if (condition && line_.arguments.size() != 1) {
       return error("GC163", fmt::format("'{}' without its value in brackets", line_.keyword), "write [...] behind it");
     }

@@ -762,11 +762,11 @@ class Interpreter {
     }
     if (!axis_words_ && acting_ < 2) return {};  // only the mode changes
     if (joints_.m != 0) {
-      return error(culprit, "GC120",
-                   fmt::format("a move in joints: M{} in line {} switched the controller's kinematics", joints_.m,
-                               joints_.line),
-                   "switch back before it, with an M code that the job gives as \"tip\"; G53, G28 and G30 may stand "
-                   "between");
+      return error(
+          culprit, "GC120",
+          fmt::format("a move in joints: M{} in line {} switched the controller's kinematics", joints_.m, joints_.line),
+          "switch back before it, with an M code that the job gives as \"tip\"; G53, G28 and G30 may stand "
+          "between");
     }
 
     Move move;

@@ -72,9 +72,9 @@ std::optional<MRefusal> refusal_of_m(int m, const std::map<int, MCode>& meanings
   if (is_own_m(m) || meanings.contains(m)) return std::nullopt;
   const std::string in_job = fmt::format("say in the job what it does here: [controller.m_codes] M{}", m);
   if (m >= 428 && m <= 430) {
-    return MRefusal{"GC120", fmt::format("M{} switches the controller's kinematics", m),
-                    "post the program for the kinematics that the machine starts with, or " + in_job +
-                        " = \"tip\" or \"joints\""};
+    return MRefusal{
+        "GC120", fmt::format("M{} switches the controller's kinematics", m),
+        "post the program for the kinematics that the machine starts with, or " + in_job + " = \"tip\" or \"joints\""};
   }
   if (m >= 100 && m <= 199) return std::nullopt;
   return MRefusal{"GC178", fmt::format("LinuxCNC has no M{}", m),

@@ -27,8 +27,8 @@ struct MRefusal {
   std::string_view id;
   std::string why, hint;
 };
-/// Why an M code is refused: those that switch the controller's kinematics and those that LinuxCNC does not have, unless
-/// `meanings` says what they do. M97 to M99 and M70 to M73 are not judged here.
+/// Why an M code is refused: those that switch the controller's kinematics and those that LinuxCNC does not have,
+/// unless `meanings` says what they do. M97 to M99 and M70 to M73 are not judged here.
 std::optional<MRefusal> refusal_of_m(int m, const std::map<int, MCode>& meanings);
 
 }  // namespace polypod::gcode

@@ -79,6 +79,9 @@ tl::expected<std::optional<double>, std::string> Engine::named(const std::string
         return tl::unexpected(fmt::format("#<{}>: the position is not known here", name));
       return to_machine(current_)[*k] + length_offset_[*k];
     }
+    if (options_.any_tool && (name == "_current_pocket" || name == "_selected_pocket")) {
+      return tl::unexpected(fmt::format("#<{}> is known to the controller's tool table alone", name));
+    }
     if (const auto value = predefined(std::string_view(name).substr(1))) return value;
     const auto global = globals_.find(name);
     return global != globals_.end() ? std::optional(global->second) : std::nullopt;

@@ -185,10 +185,6 @@ Status LineReader::read_block(Block& block) {
       ++i;
       continue;
     }
-    if (block.percent) {
-      return error(block, i, "GC105", fmt::format("{} on a line with '%'; '%' stands alone on its line", show(c)),
-                   "move it to a line of its own");
-    }
     if (c == '/') {
       if (!first) {
         return error(block, i, "GC106", "'/' within a block; block delete stands at the start of its line",
@@ -275,8 +271,10 @@ Status LineReader::read_block(Block& block) {
 }
 
 Status LineReader::read_percent(Block& block, std::size_t at, bool first) {
-  if (!first || block.percent) {
-    return error(block, at, "GC105", "'%' within a block; '%' stands alone on its line", "move it to its own line");
+  if (!first || !is_percent(block.text)) {
+    const std::size_t beside = block.text.find_first_not_of(" \t\r", at + 1);
+    return error(block, first && beside != std::string_view::npos ? beside : at, "GC105",
+                 "'%' within a block; '%' stands alone on its line, without a comment", "move it to its own line");
   }
   if (!opened_ && content_) {
     return error(block, at, "GC105", "'%' in a program that did not begin with '%'",

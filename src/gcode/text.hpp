@@ -29,6 +29,12 @@ inline bool begins_with(std::string_view text, std::string_view word) {
          std::equal(word.begin(), word.end(), text.begin(), [](char a, char b) { return upper(b) == a; });
 }
 
+/// Whether a line is one of '%' alone, as LinuxCNC wants it.
+inline bool is_percent(std::string_view text) {
+  text = from_first_word(text);
+  return text.starts_with('%') && from_first_word(text.substr(1)).empty();
+}
+
 /// The bytes of a block before its checksum, exclusive-or-ed.
 inline unsigned checksum_of(std::string_view text) {
   unsigned sum = 0;

@@ -35,7 +35,7 @@ Status Engine::tools() {
   if (const Word* t = find('T'); t != nullptr) {
     POLYPOD_ASSIGN(index, place(*t));
     selected_ = index;
-    if (index > 0) told_selected_ = static_cast<double>(index);
+    if (index > 0) told_selected_ = options_.tools[index - 1].pocket;
     selected_number_ = static_cast<int>(t->value);
     put_now(fmt::format("SELECT_TOOL({})", selected_number_));
   }
@@ -83,7 +83,7 @@ Status Engine::tools() {
       }
       POLYPOD_ASSIGN(index, place(*q));
       put("CHANGE_TOOL_NUMBER({})", index);
-      told_pocket_ = index > 0 ? static_cast<double>(index) : told_selected_;
+      told_pocket_ = index > 0 ? options_.tools[index - 1].pocket : told_selected_;
       loaded_pocket_ = index;  // rs274 keeps the lengths and the diameter of the tool before
       resync_ = true;
       spindle_tool_ = static_cast<int>(q->value);
@@ -106,8 +106,8 @@ Status Engine::length_offset(int g) {
       next = now ? options_.tools[loaded_pocket_ - 1].offset : loaded_.offset;
     } else if (!options_.any_tool) {
       POLYPOD_ASSIGN(index, index_of(*h));
-      next =
-          index > 0 ? options_.tools[index - 1].offset : loaded_.offset;  // rs274 takes H0 as the tool in the spindle
+      // rs274 takes H0 as the tool in the spindle, as it was before this block.
+      next = index > 0 ? options_.tools[index - 1].offset : loaded_before_.offset;
     }
     if (!inches_) {
       scale(next, kMmPerInch);

@@ -408,6 +408,7 @@ class Reader {
       push(StepKind::line, below, axis, spot);
       out_.steps.back().feed = cycle_->feed;
       push(StepKind::rapid, above, axis, spot);
+      cl_point_ = tip;  // the hole, not the place above it
       rapid_ = false;
     } else if (arc_) {
       POLYPOD_TRY(arc_to(tip, axis, spot));
@@ -422,7 +423,7 @@ class Reader {
   }
 
   void push(StepKind kind, const Vec3& tip, const Vec3& axis, Spot spot) {
-    now_.tip = tip;
+    now_.tip = cl_point_ = tip;
     now_.axis = axis;
     out_.steps.push_back(step(kind, spot));
     if (kind == StepKind::rapid) out_.steps.back().feed = 0;
@@ -496,7 +497,7 @@ class Reader {
 
   Status go_home(const Statement& s) {
     if (!home_) return error("PO113", "GOHOME without FROM", s.spot, "tell with FROM/x,y,z where home is");
-    cycle_.reset();
+    if (cycle_) return error("PO105", "GOHOME within a cycle", s.spot, "write CYCLE/OFF before it");
     push(StepKind::rapid, *home_, home_axis_, s.spot);
     rapid_ = false;
     return {};
@@ -517,7 +518,7 @@ class Reader {
       POLYPOD_ASSIGN(p, point_of(s, 0));
       d = p;
     }
-    const Vec3 end = now_.tip + d;
+    const Vec3 end = cl_point_ + d;
     if (end.cwiseAbs().maxCoeff() > kLargest) {
       return error("PO102", "GODLTA leads beyond 10 km", s.spot, "check the numbers and UNITS");
     }
@@ -721,6 +722,10 @@ class Reader {
       if (key.text == "DEPTH") {
         depth = length;
       } else if (key.text == "FEDTO") {
+        if (!(length < 0)) {
+          return error("PO105", fmt::format("CYCLE/DRILL with FEDTO,{:g}", *value.number), value.spot,
+                       "FEDTO counts from the hole's GOTO along the tool axis: below it, it is negative");
+        }
         depth = -length;
       } else if (key.text == "CLEAR" || key.text == "RAPTO") {
         clearance = length;
@@ -757,6 +762,7 @@ class Reader {
   std::optional<double> units_;
   std::optional<Vec3> home_;
   Vec3 home_axis_ = Vec3::UnitZ();
+  Vec3 cl_point_ = Vec3::Zero();  // of the last GOTO, FROM, GODLTA or GOHOME: where GODLTA counts from
   std::optional<Arc> arc_;
   std::optional<Cycle> cycle_;
   std::map<std::string, int> passed_;

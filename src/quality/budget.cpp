@@ -32,10 +32,11 @@ BudgetRow calibration_row(const AnyMachine& machine, const Pose& X_MT, const Col
 
 Result<Budget> budget(const AnyMachine& machine, const Pose& X_MT, const JointVector& q, const Imperfections& known) {
   const std::vector<Element> all = elements(machine);
-  const auto joints = [&](double size) {
+  const auto joints = [&](const JointError& size, double share = 1) {
     std::vector<Sized> out;
     for (std::size_t e = 0; e < all.size(); ++e)
-      if (all[e].group == "joint") out.push_back({static_cast<int>(e), size});
+      if (all[e].group == "joint")
+        out.push_back({static_cast<int>(e), share * (all[e].unit == "deg" ? size.turning : size.sliding)});
     return out;
   };
   Budget out;
@@ -46,7 +47,7 @@ Result<Budget> budget(const AnyMachine& machine, const Pose& X_MT, const JointVe
     return {};
   };
   POLYPOD_TRY(
-      worst_row("resolution", "system", joints(0.5 * known.resolution), "half a unit of every joint, worst case"));
+      worst_row("resolution", "system", joints(known.resolution, 0.5), "half a unit of every joint, worst case"));
 
   SpreadOptions few;
   few.samples = 100;  // the root sum square alone is wanted
@@ -60,7 +61,7 @@ Result<Budget> budget(const AnyMachine& machine, const Pose& X_MT, const JointVe
   const Columns E = error_columns(machine, X_MT, q, whole);
   out.rows.push_back(calibration_row(machine, X_MT, E.leftCols(std::ssize(parameters)), known.covariance));
   POLYPOD_TRY(
-      worst_row("backlash", "non-geometric", joints(0.5 * known.backlash), "half of it at every joint, worst case"));
+      worst_row("backlash", "non-geometric", joints(known.backlash, 0.5), "half of it at every joint, worst case"));
 
   // Lengths grow by expansion * warming: each parameter in mm by that share of itself, and so do struts and scales.
   Vec6 warm = Vec6::Zero();

@@ -87,6 +87,17 @@ TEST(Cl, DrillsAlongTheToolAxis) {
   EXPECT_EQ(path.steps[3].kind, StepKind::rapid);
 }
 
+/// GODLTA counts from the last point of the program, which is the hole, not the place above it.
+TEST(Cl, StepsInACycleCountFromTheHole) {
+  const post::Path path = read(
+      "UNITS/MM\nFROM/0,0,50\nRAPID\nGOTO/0,0,10\nCYCLE/DRILL,DEPTH,8,MMPM,120,CLEAR,2\nGOTO/0,0,0\nGODLTA/10,0,0\n"
+      "GODLTA/10,0,-1\nCYCLE/OFF\nRAPID\nGODLTA/0,0,20\nFINI\n");
+  ASSERT_EQ(path.steps.size(), 12u);
+  EXPECT_TRUE(path.steps[6].tip.isApprox(Vec3(0.010, 0, -0.008), 1e-12));
+  EXPECT_TRUE(path.steps[9].tip.isApprox(Vec3(0.020, 0, -0.009), 1e-12));
+  EXPECT_TRUE(path.steps[11].tip.isApprox(Vec3(0.020, 0, 0.019), 1e-12));
+}
+
 TEST(Cl, NormalisesAnAxisAndRefusesWhatIsNone) {
   EXPECT_NEAR(read("UNITS/MM\nRAPID\nGOTO/0,0,0,0.7071,0,0.7071\nFINI\n").steps[0].axis.norm(), 1, 1e-15);
   EXPECT_EQ(id_of(post::parse_cl("UNITS/MM\nRAPID\nGOTO/0,0,0,0.5,0,0.5\n", "t")), "PO106");
@@ -105,6 +116,8 @@ TEST(Cl, RefusesBadInputWithItsPlace) {
       {"UNITS/MM\nSPLASH/1,2\n", "PO104", 2},
       {"UNITS/MM\nCYCLE/TAP,DEPTH,10\n", "PO105", 2},
       {"UNITS/MM\nTRANS/1,2,3\n", "PO105", 2},
+      {"UNITS/MM\nCYCLE/DRILL,FEDTO,10,MMPM,50,CLEAR,2\n", "PO105", 2},
+      {"UNITS/MM\nFROM/0,0,9\nCYCLE/DRILL,DEPTH,8,MMPM,50,CLEAR,2\nGOTO/0,0,0\nGOHOME\n", "PO105", 5},
       {"UNITS/MM\nINSERT G10 L2\n", "PO105", 2},
       {"UNITS/FEET\n", "PO107", 1},
       {"UNITS/MM\nGOTO/1,2,3\n", "PO108", 2},

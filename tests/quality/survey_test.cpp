@@ -490,8 +490,9 @@ TEST(Budget, RowsFromClosedForms) {
   Imperfections known;
   known.warming = 10;
   known.expansion = 10e-6;
-  known.resolution = 2e-6;
-  known.repeatability = 3e-6;
+  known.resolution.sliding = 2e-6;
+  known.repeatability.sliding = 3e-6;
+  known.backlash.sliding = 8e-6;
   known.deflection << 1e-6, 2e-6, 2e-6, 0, 0, 0;
   const auto b = budget(m, X, *q, known);
   ASSERT_TRUE(b);
@@ -509,7 +510,10 @@ TEST(Budget, RowsFromClosedForms) {
   // The joints' scatter: sqrt of the largest eigenvalue of J J^T.
   const Eigen::Matrix<double, 3, 6> J = kinematics::jacobian(m, X, *q).topRows<3>();
   EXPECT_NEAR(row("repeatability").position, 3e-6 * Eigen::JacobiSVD<Eigen::MatrixXd>(J).singularValues()[0], 1e-15);
-  EXPECT_NEAR(b->accuracy, row("temperature rise").position + row("compliance").position + row("resolution").position,
+  EXPECT_NEAR(row("backlash").position, worst_case(m, X, *q, *sized(m, {{"joint", 4e-3}}, true))->position, 1e-15);
+  EXPECT_NEAR(b->accuracy,
+              row("temperature rise").position + row("compliance").position + row("resolution").position +
+                  row("backlash").position,
               1e-15);
   EXPECT_LT(b->accuracy_rss, b->accuracy);
   EXPECT_EQ(b->repeatability, row("repeatability").position);
@@ -523,6 +527,33 @@ TEST(Budget, RowsFromClosedForms) {
   const auto arm = budget(lola, Y, *joints, warm);
   const Vec3 base = std::get<machine::SerialArm>(lola).X_MB.p;
   EXPECT_NEAR(arm->accuracy, 60e-6 * (Y.p - base).norm(), 1e-12);
+}
+
+/// Where some joints slide and others turn, each takes the figure in its own unit, as `errors --tolerance joint=` does.
+TEST(Budget, EachJointTakesItsOwnUnit) {
+  const AnyMachine m = load("tricept-wrist");
+  const Pose target = *kinematics::home_pose(m);
+  const auto q = joints_at(m, target);
+  const Pose X = kinematics::settled(m, target, *q);
+  Imperfections known;
+  known.resolution = {units::from_mm(0.001), units::from_deg(0.001)};
+  known.repeatability = {units::from_mm(0.003), units::from_deg(0.003)};
+  known.backlash = {units::from_mm(0.004), units::from_deg(0.004)};
+  const auto b = budget(m, X, *q, known);
+  ASSERT_TRUE(b);
+  SpreadOptions few;
+  few.samples = 100;
+  const auto scatter = spread(m, X, *q, *sized(m, {{"joint", 0.003}}, true), few);
+  for (const BudgetRow& row : b->rows) {
+    if (row.source == "repeatability") {
+      EXPECT_NEAR(row.position, scatter->rss_position, 1e-15);
+      EXPECT_NEAR(row.orientation, scatter->rss_orientation, 1e-15);
+    }
+    if (row.source != "resolution" && row.source != "backlash") continue;
+    const auto worst = worst_case(m, X, *q, *sized(m, {{"joint", row.source == "backlash" ? 0.002 : 0.0005}}, true));
+    EXPECT_NEAR(row.position, worst->position, 1e-15) << row.source;
+    EXPECT_NEAR(row.orientation, worst->orientation, 1e-15) << row.source;
+  }
 }
 
 /// A task without x, y, z is surveyed over its own coordinates: every point and every extreme is a pose that the

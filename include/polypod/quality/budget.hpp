@@ -10,12 +10,18 @@
 
 namespace polypod::quality {
 
-/// What is known of the machine's imperfections. Joint values: m for sliding joints and struts, rad for turning ones.
+/// The same error of every joint of a kind.
+struct JointError {
+  double sliding = 0;  ///< of sliding joints and struts, m
+  double turning = 0;  ///< of turning joints, rad
+};
+
+/// What is known of the machine's imperfections.
 struct Imperfections {
   std::vector<Sized> tolerances;   ///< of the elements: geometric
-  double resolution = 0;           ///< of each joint (BRU): half of it may be missing
-  double repeatability = 0;        ///< of each joint, three standard deviations
-  double backlash = 0;             ///< of each joint: half of it either way
+  JointError resolution;           ///< of each joint (BRU): half of it may be missing
+  JointError repeatability;        ///< of each joint, three standard deviations
+  JointError backlash;             ///< of each joint: half of it either way
   double warming = 0;              ///< K above the temperature of the nominal lengths
   double expansion = 12e-6;        ///< 1/K
   Vec6 deflection = Vec6::Zero();  ///< of the tool under its load (statics::compliance_at)
