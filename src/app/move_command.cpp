@@ -392,9 +392,9 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Mo
   } else {
     out.not_judged.emplace_back("near-singular poses");
   }
-  const auto add = [&](const std::string& name, double limit, double met, const std::string& unit, const char* option) {
-    const bool given = context.given(option) || (asked.job_speeds && option == std::string_view("--drive-speed")) ||
-                       (asked.job_accelerations && option == std::string_view("--drive-acceleration"));
+  const auto add = [&](const std::string& name, double limit, double met, const std::string& unit, const char* option,
+                       bool known = false) {
+    const bool given = known || context.given(option);
     if (std::isfinite(limit)) out.limits.push_back({name, limit, met, unit, given});
     return std::isfinite(limit);
   };
@@ -412,13 +412,19 @@ pages::MotionQuestion question_of(const machine::AnyMachine& m, const motion::Mo
       r.turn_speed > kRounding) {
     out.not_judged.emplace_back("turning speed of the tool");
   }
+  const std::vector<double> of_machine = kinematics::speed_limits(m);
+  const auto known = [&](std::string_view option, std::size_t drive) {  // by the job or the machine
+    if (option == "--drive-speed")
+      return asked.job_speeds || (drive < of_machine.size() && std::isfinite(of_machine[drive]));
+    return asked.job_accelerations && option == "--drive-acceleration";
+  };
   const auto drives = [&](const char* what, const machine::JointVector& limit, double motion::MoveDrive::*met,
                           const char* per, const char* option) {
     bool every = true;
     for (std::size_t i = 0; i < r.drives.size(); ++i) {
       const motion::MoveDrive& d = r.drives[i];
       every = add(fmt::format("{} of drive {}", what, i + 1), shown(d, limit[static_cast<Eigen::Index>(i)]),
-                  shown(d, d.*met), fmt::format("{}{}", unit_of(d), per), option) &&
+                  shown(d, d.*met), fmt::format("{}{}", unit_of(d), per), option, known(option, i)) &&
               every;
     }
     return every;

@@ -134,18 +134,24 @@ Result<Shape> largest_inside(const AnyMachine& machine, const Options& options, 
   const bool many = orientations.size() > 1;
   const std::size_t most_starts = many ? 3 : 6;
   const double finest = many ? 0.06 : 0.01;
-  // Starts: the middle of the certain cells by volume, and the largest certain cells.
+  // Starts: the middle of the certain cells by volume, and the largest certain cells. A workspace that is a box itself
+  // has none off its border: there the cells that hold a part for certain.
   Vec3 middle = Vec3::Zero();
   double weight = 0;
   std::vector<Cell> inner;
-  for (const Cell& cell : region.cells) {
-    if (cell.state != CellState::inside) continue;
+  const auto take = [&](const Cell& cell) {
     middle += cell.lower * cell.center;
     weight += cell.lower;
     inner.push_back(cell);
+  };
+  for (const Cell& cell : region.cells)
+    if (cell.state == CellState::inside) take(cell);
+  if (inner.empty()) {
+    for (const Cell& cell : region.cells)
+      if (cell.lower > 0) take(cell);
   }
   if (!(weight > 0)) {
-    return fail("WS120", "the workspace certainly holds no box at all, so no shape fits");
+    return fail("WS120", "no box at all is certainly inside the workspace, so no shape can be proven to fit");
   }
   middle /= weight;
   std::stable_sort(inner.begin(), inner.end(), [](const Cell& a, const Cell& b) { return a.lower > b.lower; });

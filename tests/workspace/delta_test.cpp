@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <random>
 #include <set>
 
@@ -356,6 +357,23 @@ TEST(DeltaShape, TheLargestCuboidIsInsideAndClearOfSingularPoses) {
       EXPECT_GE(closeness(std::get<RotaryDelta>(m), X).least(), 0.01);
     }
   }
+}
+
+/// Limits of the task that lie within all others leave a box, none of whose cells is off its border.
+TEST(DeltaShape, AWorkspaceThatIsABoxHoldsItself) {
+  AnyMachine m = load("delta-brno");
+  for (const auto& [key, value] : std::map<std::string, double>{{"limits.x_min_mm", -10},
+                                                                {"limits.x_max_mm", 10},
+                                                                {"limits.y_min_mm", -10},
+                                                                {"limits.y_max_mm", 10},
+                                                                {"limits.z_min_mm", 400},
+                                                                {"limits.z_max_mm", 450}}) {
+    m = *machine::with_value(m, key, value);
+  }
+  const auto shape = largest_inside(m, to(0.1), ShapeKind::box);
+  ASSERT_TRUE(shape) << to_string(shape.error());
+  EXPECT_LT(shape->volume(), 20e-6);
+  EXPECT_GT(shape->volume(), 19.9e-6);  // m^3
 }
 
 /// What fit proposes makes the points fit, and a little less does not.
