@@ -234,8 +234,8 @@ std::vector<NotJudged> unknown_rapids(const Job& job, const gcode::Program& prog
   return out;
 }
 
-/// Ways to places of the machine (G28, G30, G53), which no program tells, that begin in the material: where they lead
-/// aside, whether they go through it is not judged. Z alone is taken to go up.
+/// Ways to places of the machine (G28, G30, G53), which no program tells: at a feed all, for they may cut; rapids that
+/// begin in the material, where they lead aside. Z alone of a rapid is taken to go up.
 std::vector<NotJudged> departures(const Job& job, const gcode::Program& program, const LongVector<gcode::Move>& moves) {
   std::vector<NotJudged> out;
   std::size_t next = 0, left = 0;  // the first move behind the block, and behind the last such way
@@ -252,6 +252,14 @@ std::vector<NotJudged> departures(const Job& job, const gcode::Program& program,
                          [&](const gcode::Word& w) { return w.letter == letter; });
     };
     if (!is('G', 28) && !is('G', 30) && !is('G', 53)) continue;
+    const bool cuts_before = moves[next - 1].kind != gcode::MoveKind::rapid;  // the mode, where the block names none
+    if (is('G', 53) && (is('G', 1) || (cuts_before && !is('G', 0)))) {
+      out.push_back({block.line,
+                     "this move at a feed goes to a place of the machine that the program does not tell: what it cuts "
+                     "is not known",
+                     "go there with G0, or say the place in coordinates of the workpiece"});
+      continue;
+    }
     if (std::exchange(left, next) == next) continue;  // behind another of these
     if (names('Z') && !names('X') && !names('Y')) continue;
     gcode::Move here = moves[next - 1];

@@ -193,6 +193,13 @@ TEST(IdentifyCutting, TheNoiseIsSaid) {
   ASSERT_TRUE(r);
   EXPECT_FALSE(r->noise_stated);
   for (const ForceNoise& n : r->noise) EXPECT_NEAR(n.share, 0.03, 0.015);
+  // Of each component its own: the one across has four times that along the feed.
+  std::vector<MeasuredForce> apart = cuts_of_trial();
+  for (MeasuredForce& row : apart) row.mean += Vec3(random.normal(), 4 * random.normal(), 2 * random.normal());
+  const auto by_axis = identify_cutting(kTenMillimetres, apart);
+  ASSERT_TRUE(by_axis);
+  for (const auto& [axis, sigma] : {std::pair{0U, 1.0}, {1U, 4.0}, {2U, 2.0}})
+    EXPECT_NEAR(by_axis->noise[axis].constant, sigma, 0.5 * sigma) << axis;
   for (std::size_t i = 0; i < stated.size(); ++i) {
     stated[i].sigma = i % 2 == 0 ? 0.5 : 20;
     for (double& f : stated[i].mean) f += stated[i].sigma * random.normal();

@@ -332,6 +332,9 @@ TEST(Verdict, AWayToAPlaceOfTheMachineOutOfTheMaterialIsNotJudged) {
   EXPECT_TRUE(answer("G53 G0 Z0\nG28\n"));
   EXPECT_FALSE(answer("G28\n"));
   EXPECT_FALSE(answer("G53 G0 X0 Y0 Z0\n"));
+  // At a feed it may cut, from wherever it comes.
+  EXPECT_FALSE(answer("G0 Z5\nG53 G1 X30 Y5 Z-3 F300\n"));
+  EXPECT_FALSE(answer("G0 Z5\nG1 X1 F300\nG53 Z-3\n"));
 }
 
 TEST(Verdict, ThePathControlModeThatTheToleranceNeedsIsWritten) {

@@ -8,9 +8,11 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 #include <filesystem>
+#include <sstream>
 
 #include "polypod/core/files.hpp"
 #include "polypod/core/random.hpp"
+#include "polypod/core/statistics.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/gain.hpp"
 #include "polypod/statics/identify.hpp"
@@ -74,12 +76,20 @@ TEST(Covariance, TheGainActsOnAllAlike) {
   constexpr double kGain = 0.03;
   auto r = *identify_compliance(lola(), readings(column_compliances(lola()), 20e-6, 1));
   const Eigen::MatrixXd before = r.covariance;
-  add_gain(r, kGain);
+  const double free = double(r.equations) - double(r.compliance.size());
+  const GainEffect effect = add_gain(r, kGain);
   const Eigen::Map<const Eigen::VectorXd> c(r.compliance.data(), std::ssize(r.compliance));
   EXPECT_LT((r.covariance - before - kGain * kGain * c * c.transpose()).norm(), 1e-12 * before.norm());
   for (std::size_t k = 0; k < r.compliance.size(); ++k) {
     const auto i = static_cast<Eigen::Index>(k);
     EXPECT_NEAR(std::sqrt(r.covariance(i, i)) / r.standard_error[k], 1, 1e-9);
+    // GUM (G.2b) with one part of `free` degrees of freedom and one, the gain's, of infinitely many:
+    // nu = u^4 / (u_r^4 / free).
+    const double u = r.standard_error[k], of_readings = effect.standard_error_readings[k];
+    EXPECT_NEAR(u * u, of_readings * of_readings + std::pow(kGain * r.compliance[k], 2), 1e-9 * u * u);
+    const double degrees = u * u * u * u * free / std::pow(of_readings, 4);
+    EXPECT_NEAR(effect.degrees[k], degrees, 1e-9 * degrees);
+    EXPECT_NEAR(r.half_interval[k], student_95(degrees) * u, 1e-9 * u);
   }
 }
 
@@ -154,6 +164,18 @@ TEST_F(CovarianceFile, ComesBackAsItWas) {
     const Eigen::MatrixXd C = L * L.transpose();
     const std::string text = covariance_csv(of, C);
     EXPECT_TRUE(names_compliances(text));
+    // The last column is the compliance in the unit that its key names.
+    std::vector<double> values(turns.size());
+    for (std::size_t k = 0; k < values.size(); ++k) values[k] = (turns[k] ? 1e-7 : 2e-8) * double(k + 1);
+    std::istringstream lines(covariance_csv(keyed_compliances(*with_compliances(m, values)), C));
+    std::string line;
+    std::getline(lines, line);
+    EXPECT_THAT(line, ::testing::EndsWith(",value"));
+    for (std::size_t k = 0; k < values.size(); ++k) {
+      std::getline(lines, line);
+      const double said = values[k] * (turns[k] ? 1 : 1e6);  // rad/(N m), or um/N
+      EXPECT_NEAR(std::stod(line.substr(line.rfind(',') + 1)), said, 1e-9 * said) << line;
+    }
     const auto back = read_covariance(m, write(text));
     ASSERT_TRUE(back) << to_string(back.error());
     const Eigen::VectorXd scale = C.diagonal().cwiseSqrt();
