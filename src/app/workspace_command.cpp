@@ -356,6 +356,27 @@ Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Option
 
 }  // namespace
 
+namespace {
+
+/// Whoever interrupts a long run is told the bounds that it had come to.
+Result<workspace::Volume> volume_or_so_far(const machine::AnyMachine& m, const workspace::Options& options,
+                                           const Context& context) {
+  workspace::Progress last;
+  workspace::Options told = options;
+  told.progress = [&](const workspace::Progress& p) {
+    last = p;
+    if (options.progress) options.progress(p);
+  };
+  auto v = workspace::volume(m, told);
+  if (!v && interrupted() && !context.json && !last.sampled && last.upper > 0) {
+    fmt::print("stopped  after {} boxes: the volume is certainly between {:.0f} and {:.0f} mm3\n", last.cells,
+               std::floor(units::to_mm3(last.lower)), std::ceil(units::to_mm3(last.upper)));
+  }
+  return v;
+}
+
+}  // namespace
+
 Command workspace_command() {
   struct Options {
     std::string machine;
@@ -389,7 +410,7 @@ Command workspace_command() {
               return contains(m, options, o->contains, context);
             }
             POLYPOD_TRY(o->files.check(o->machine, context));
-            POLYPOD_ASSIGN(v, workspace::volume(m, options));
+            POLYPOD_ASSIGN(v, volume_or_so_far(m, options, context));
             Json document = volume_json(v);
             const workspace::BeyondSingular beyond = workspace::beyond_singular(m, options, v);
             document["beyond_singular"] = beyond_json(beyond);

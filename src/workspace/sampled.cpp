@@ -97,6 +97,7 @@ Result<Volume> sampled_volume(const AnyMachine& machine, const Options& options)
           p.cells = done + static_cast<std::int64_t>(share * static_cast<double>(in.size()));
           p.lower = out.lower;
           p.upper = out.upper;
+          p.sampled = true;
           options.progress(p);
         }));
     out.points += static_cast<std::int64_t>(in.size());

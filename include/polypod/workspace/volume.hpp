@@ -35,6 +35,7 @@ struct Progress {
   std::int64_t cells = 0;
   double bytes = 0;           ///< of memory for boxes and patches
   double bytes_estimate = 0;  ///< when the tolerance is met: the gap falls as the number of boxes rises
+  bool sampled = false;       ///< `lower` and `upper` are of a sample, not bounds
 };
 
 struct Options {
