@@ -5,9 +5,11 @@
 #include <cctype>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <memory>
 #include <thread>
+#include <utility>
 
 #include "commands.hpp"
 #include "interrupt.hpp"
@@ -362,17 +364,20 @@ namespace {
 Result<workspace::Volume> volume_or_so_far(const machine::AnyMachine& m, const workspace::Options& options,
                                            const Context& context) {
   workspace::Progress last;
+  bool said = false;
+  const auto say = [&] {  // at once: what the run holds may take longer to give back than an interrupted program has
+    if (std::exchange(said, true) || context.json || last.sampled || !(last.upper > 0)) return;
+    fmt::print("stopped  after {} boxes: the volume is certainly between {:.0f} and {:.0f} mm3\n", last.cells,
+               std::floor(units::to_mm3(last.lower)), std::ceil(units::to_mm3(last.upper)));
+    std::fflush(stdout);
+  };
   workspace::Options told = options;
   told.progress = [&](const workspace::Progress& p) {
     last = p;
     if (options.progress) options.progress(p);
+    if (interrupted()) say();
   };
-  auto v = workspace::volume(m, told);
-  if (!v && interrupted() && !context.json && !last.sampled && last.upper > 0) {
-    fmt::print("stopped  after {} boxes: the volume is certainly between {:.0f} and {:.0f} mm3\n", last.cells,
-               std::floor(units::to_mm3(last.lower)), std::ceil(units::to_mm3(last.upper)));
-  }
-  return v;
+  return workspace::volume(m, told);
 }
 
 }  // namespace
