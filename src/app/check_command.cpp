@@ -194,6 +194,7 @@ Status look_at_postures(Judged& judged, const gcode::Understood* other, const ma
   for (const std::string& name : names) {
     if (name == (job.posture.empty() ? names[0] : job.posture)) continue;
     options.branch = name;
+    options.start.clear();
     bool fits = true;
     for (const gcode::Understood* one : {&std::as_const(judged.understood), other}) {
       if (one == nullptr || !fits) continue;
@@ -252,6 +253,7 @@ Command check_command() {
         options.rapid_speed = units::from_mm_per_min(o->rapid);
         options.limits = machining::motion_limits(job);
         options.branch = o->branch.empty() ? job.posture : o->branch;
+        if (o->branch.empty() || o->branch == job.posture) options.start = job.start_joints;
         BusyLine reading(context, "reading the program");
         std::function<bool(double)> line;
         options.progress = [&](double share) {

@@ -43,7 +43,10 @@ std::string posture_at_start(const machining::Job& job, const gcode::Interpretat
 }
 
 Status begin_in(const std::string& branch, const gcode::Interpretation& interpretation, machining::Job& job) {
-  if (!branch.empty()) job.posture = branch;
+  if (!branch.empty() && branch != job.posture) {
+    job.posture = branch;
+    job.start_joints.clear();  // which stand in another one
+  }
   if (job.posture.empty()) return {};
   const std::vector<std::string> names = machining::starting_branches(job.machine, job.X_MW, interpretation);
   // Where there is none at all the program is out of reach, which is said with its line.

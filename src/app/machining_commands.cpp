@@ -179,7 +179,7 @@ Command predict_command() {
         options.again = o->again;
         options.other = in.other_position();
         options.progress = progress_line(context, "predicting");
-        POLYPOD_TRY(o->vibration.prepare(in.job, context));
+        POLYPOD_TRY(o->vibration.prepare(in.job, in.interpretation, context));
         POLYPOD_TRY(o->weight.prepare(in.job, o->vibration.dynamics, context));
         POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
         POLYPOD_ASSIGN(band, machining::force_band(in.job, in.program, in.interpretation, p, options));

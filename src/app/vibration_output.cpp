@@ -83,10 +83,11 @@ void VibrationQuestion::declare(Arguments& a) {
          "Count the vibration at tooth passing against the tolerance (default: it stands beside the answer)");
 }
 
-Status VibrationQuestion::prepare(const machining::Job& job, const Context& context) {
+Status VibrationQuestion::prepare(const machining::Job& job, const gcode::Interpretation& interpretation,
+                                  const Context& context) {
   POLYPOD_ASSIGN(masses, masses_of_job(job, dynamics, context));
   why_not_ = masses.why_not;
-  if (masses.dynamics && why_not_.empty()) why_not_ = machining::no_vibration(job);
+  if (masses.dynamics && why_not_.empty()) why_not_ = machining::no_vibration(job, interpretation);
   if (!why_not_.empty()) {
     if (!counts) return {};
     return fail("AP280", "--vibration cannot be counted: " + why_not_, {},

@@ -19,7 +19,7 @@ class VibrationQuestion {
   void declare(Arguments& a);
   /// The masses of the job's machine. Errors: AP214 and those of the table; AP280 where --vibration asks to count what
   /// is not judged.
-  Status prepare(const machining::Job& job, const Context& context);
+  Status prepare(const machining::Job& job, const gcode::Interpretation& interpretation, const Context& context);
   /// After the prediction, where there are masses. Errors: those of machining::cut_points and vibration_of.
   Status answer(const machining::Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation,
                 const machining::Prediction& prediction, machining::PredictOptions options, const Context& context);

@@ -180,6 +180,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   const machine::Task task = kinematics::task(machine);
   const int n = kinematics::joint_count(machine);
   machine::JointVector last;
+  const machine::JointVector start = Eigen::Map<const Eigen::VectorXd>(options.start.data(), std::ssize(options.start));
   kinematics::HoldOnPath held(machine);
   Demands demands(machine, options.limits, out);
   bool turns_alone = false;
@@ -229,8 +230,9 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     demands.next_move();
     for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
       const Pose X = pose_at(double(k) / steps);
+      const machine::JointVector& near = last.size() > 0 ? last : start;
       const kinematics::InverseResult inverse =
-          last.size() > 0 ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
+          near.size() > 0 ? kinematics::inverse_near(machine, X, near) : kinematics::inverse(machine, X);
       const auto where = [&] {
         return fmt::format("x {:.3f} y {:.3f} z {:.3f} mm in M", units::to_mm(X.p.x()), units::to_mm(X.p.y()),
                            units::to_mm(X.p.z()));

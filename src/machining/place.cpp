@@ -336,7 +336,7 @@ class Search {
     if (out.fit != PlaceFit::fits) return out;
     const auto tool_at = [&](const Vec3& axes) { return tool_orientation(job_.machine, X_MW, axes); };
     const Mat3 R = tool_at(job_.tool_frame.axes);
-    statics::Probe probe(job_.machine, R, job_.posture);
+    statics::Probe probe(job_.machine, R, job_.posture, job_.start_joints);
     // How far the weight of the machine deflects the tip where the probe stands.
     const auto by_weight = [&](const Vec3& p) -> Vec3 {
       if (!job_.weights) return Vec3::Zero();

@@ -1053,7 +1053,7 @@ MapBand map_band(const Job& job, const Prediction& prediction) {
   if (!job.measured) return out;
   const statics::MeasuredMap& map = job.measured->map;
   const bool joints = statics::has_compliance(job.machine);
-  statics::Probe probe(job.machine, cutting_orientation(job), job.posture);
+  statics::Probe probe(job.machine, cutting_orientation(job), job.posture, job.start_joints);
   for (const Sample& sample : prediction.few) {
     const Vec3 p = job.X_MW * sample.command, F = job.X_MW.R * sample.force, n = job.X_MW.R * sample.away;
     const Mat3 sd = map.deviation(p);

@@ -81,7 +81,7 @@ class Pass {
         teeth_(teeth),
         frame_(job.tool_frame),
         X_MS_(job.tool_frame.to_S(job.X_MW)),
-        probe_(job.machine, cutting_orientation(job), job.posture) {}
+        probe_(job.machine, cutting_orientation(job), job.posture, job.start_joints) {}
 
   Result<PassResult> run() {
     POLYPOD_TRY(affordable());

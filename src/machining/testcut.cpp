@@ -24,6 +24,8 @@ constexpr double kFloor = 10e-3;      // m of the block below the boss
 constexpr double kDerivative = 0.02;  // of the product, for the derivative of predicted sizes
 constexpr int kIterations = 12;
 constexpr double kSettled = 1e-4, kSettledShare = 0.1;  // of the product, of its standard uncertainty
+// Cutters are reground by less than this share of their diameter.
+constexpr double kOtherCutter = 0.05;
 constexpr double kLeast = 0.2, kMost = 5, kTold = 0.5;
 
 /// The square path round the boss, clockwise from its upper left corner: offsets of the tool's centre by stretch.
@@ -295,6 +297,12 @@ Result<TestCutFit> fit_test_cut(const Job& job, const TestCut& cut, const std::v
         product);
   } else if (!settled) {
     fit.no = fmt::format("the search for the product did not settle, last at {:.3g}", product);
+  } else if (std::abs(fit.diameter.value) > kOtherCutter * job.cutter.diameter) {
+    fit.no = fmt::format(
+        "the sizes tell of a cutter {:.3f} mm {} than the {:.3f} mm of the job: was it another one, or were the sizes "
+        "measured otherwise?",
+        units::to_mm(std::abs(fit.diameter.value)), fit.diameter.value > 0 ? "larger" : "smaller",
+        units::to_mm(job.cutter.diameter));
   }
   return fit;
 }

@@ -171,14 +171,16 @@ bool ProgramVibration::within(const Job& job, const Prediction& prediction) cons
   return prediction.within(job) && not_judged().empty() && largest_with(prediction) <= job.tolerance - resolution(job);
 }
 
-std::string no_vibration(const Job& job) {
+std::string no_vibration(const Job& job, const gcode::Interpretation& interpretation) {
   if (!statics::has_compliance(job.machine)) {
     return "the machine has no compliances of its own, from which its modes follow";
   }
   if (job.tool_frame.turns) return "the tool turns in cuts, and the modes are known for A = B = C = 0 alone";
   if (job.tool_frame.tilted) return "the tool is tilted, and the modes are known for A = B = C = 0 alone";
-  const auto rounded = [](const auto& tool) { return tool.second.corner_radius > 0; };
-  if (job.cutter.corner_radius > 0 || std::any_of(job.cutters.begin(), job.cutters.end(), rounded))
+  const auto rounded = [&](const gcode::Move& move) {
+    return move.kind != gcode::MoveKind::rapid && job.cutter_of(move.tool).corner_radius > 0;
+  };
+  if (std::any_of(interpretation.moves.begin(), interpretation.moves.end(), rounded))
     return "how the force of a cutter with a corner radius changes from tooth to tooth is not computed";
   return {};
 }
@@ -212,7 +214,7 @@ Result<ProgramVibration> vibration_of(const Job& job, const gcode::Program& prog
   }
   const auto line_of = [&](const CutPoint& p) { return program.blocks[static_cast<std::size_t>(p.block)].line; };
   const Mat3 R_MT = cutting_orientation(job);
-  statics::Probe probe(job.machine, R_MT, job.posture);
+  statics::Probe probe(job.machine, R_MT, job.posture, job.start_joints);
   std::size_t done = 0, all = 0;
   for (const auto& [key, group] : points.groups()) all += group.points.size();
   double sum = 0;

@@ -21,7 +21,7 @@ WeightDeflection::WeightDeflection(const Job& job, std::shared_ptr<const motion:
       weights_(std::move(weights)),
       X_MW_(job.X_MW),
       R_MT_(cutting_orientation(job)),
-      probe_(std::make_unique<statics::Probe>(job.machine, R_MT_, job.posture)) {}
+      probe_(std::make_unique<statics::Probe>(job.machine, R_MT_, job.posture, job.start_joints)) {}
 
 Result<WeightDeflection> WeightDeflection::of(const Job& job, std::shared_ptr<const motion::Dynamics> weights) {
   POLYPOD_TRY(statics::needs_compliance(job.machine));

@@ -322,7 +322,11 @@ class Planner {
   /// from the pose before, where the speed of its joints is judged: those that hurry on it then do not count as a jump.
   bool solve(const Step& step, const Pose& X, const std::function<Pose(double)>& way = {}) {
     const bool follows = q_.size() > 0;
-    InverseResult inverse = follows ? kinematics::inverse_near(machine_, X, q_) : kinematics::inverse(machine_, X);
+    // Of what the first pose leaves open, a free joint and whole turns, the nearest to where the joints stand.
+    const bool begins = !follows && !placed_ && options_.start_joints.has_value();
+    InverseResult inverse = follows  ? kinematics::inverse_near(machine_, X, q_)
+                            : begins ? kinematics::inverse_near(machine_, X, *options_.start_joints)
+                                     : kinematics::inverse(machine_, X);
     const auto where = [&] {
       return fmt::format("x {:.3f} y {:.3f} z {:.3f} mm in M", units::to_mm(X.p.x()), units::to_mm(X.p.y()),
                          units::to_mm(X.p.z()));
@@ -677,10 +681,12 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     }
     if (starts.empty()) starts.push_back({});
   }
-  // The last joint of an arm may begin a turn on or back, which leaves it more of its range.
+  // The last joint of an arm may begin a turn on or back, which leaves it more of its range; not where it is said where
+  // it stands.
   const int last = kinematics::joint_count(configuration.machine) - 1;
   const machine::JointRange range = kinematics::joint_range(configuration.machine, last);
-  if (kinematics::is_serial(configuration.machine) && range.max - range.min > 2 * std::numbers::pi &&
+  if (!options.start_joints && kinematics::is_serial(configuration.machine) &&
+      range.max - range.min > 2 * std::numbers::pi &&
       kinematics::joint_kind(configuration.machine, last) == machine::JointKind::revolute) {
     const std::size_t count = starts.size();
     for (const int turns_of_last : {-1, 1}) {

@@ -42,8 +42,10 @@ bool in_the_moves(int g) {
 /// The block as a program in mm has it, in the order in which RS-274 takes its words.
 class BlockReader {
  public:
-  BlockReader(const std::string& file, const gcode::Block& block, const gcode::ModalState& state, Path& out)
-      : file_(file), block_(block), inches_(state.inches), out_(out) {}
+  /// `codes`: M codes of the controller, of which nothing but the tip's coordinates is known to follow.
+  BlockReader(const std::string& file, const gcode::Block& block, const gcode::ModalState& state,
+              const std::map<int, gcode::MCode>& codes, Path& out)
+      : file_(file), block_(block), inches_(state.inches), codes_(codes), out_(out) {}
 
   /// What comes before the move of the block.
   Status before(bool arc, std::optional<gcode::PathControl>& path) {
@@ -79,6 +81,8 @@ class BlockReader {
     if (m({9})) add("M9", "coolant off");
     alone(48, 53, true);
     alone(kLeastBuilders, kMostBuilders, false);
+    for (const auto& [code, meaning] : codes_)
+      if (code < kLeastBuilders || code > kMostBuilders) alone(code, code, false);
     flush();
     if (g(40)) {
       Step s = step(StepKind::dwell);
@@ -166,7 +170,7 @@ class BlockReader {
       if (w.letter != 'M') continue;
       const auto v = static_cast<int>(w.value);
       const bool taken = (v >= 0 && v <= 9) || v == 19 || v == 30 || (v >= 48 && v <= 53) || (v >= 60 && v <= 68) ||
-                         (v >= kLeastBuilders && v <= kMostBuilders);
+                         (v >= kLeastBuilders && v <= kMostBuilders) || codes_.contains(v);
       if (!taken || double(v) != w.value) {
         return fail("PO118", fmt::format("M{} is not carried over", number(w.value, 1)), place,
                     "remove it, or do in the program what it does");
@@ -259,6 +263,7 @@ class BlockReader {
   const std::string& file_;
   const gcode::Block& block_;
   bool inches_;
+  const std::map<int, gcode::MCode>& codes_;
   Path& out_;
   std::string line_, meaning_, speed_;
 };
@@ -380,7 +385,7 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
     const gcode::Block& block = understood.program.blocks[b];
     const gcode::ModalState& state = understood.interpretation.states[b];
     if (!state.executed) continue;
-    BlockReader reader(file, block, state, out);
+    BlockReader reader(file, block, state, options.unroll.interpret.m_codes, out);
     const bool moving = next < moves.size() && moves[next].block == static_cast<int>(b);
     POLYPOD_TRY(reader.before(moving && moves[next].kind == gcode::MoveKind::arc, path));
     POLYPOD_TRY(reader.leave_out(state.motion > 0, moving));

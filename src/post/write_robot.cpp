@@ -536,10 +536,12 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
                 {}, "use --to ngc");
   }
   if (arm->dh.size() > 6) {
-    return fail("PO121",
-                fmt::format("{} has {} joints; external axes, such as a rail, are not written in a robot's language",
-                            machine::name_of(configuration.machine), arm->dh.size()),
-                {}, "give the six joints of the robot as a machine of their own, its base where it stands on the rail");
+    return fail(
+        "PO121",
+        fmt::format("{} has {} joints, locked ones counted; external axes, such as a rail, are not written in a "
+                    "robot's language",
+                    machine::name_of(configuration.machine), arm->dh.size()),
+        {}, "give the six joints of the robot as a machine of their own, its base where it stands on the rail");
   }
   if (const auto flange = arm->provenance.find(machine::kFlange);
       flange != arm->provenance.end() && flange->second.starts_with(machine::kNotKnown)) {

@@ -112,10 +112,14 @@ struct Probe::Impl {
   machine::QuickCompliance quick;
   Mat3 R_MT;
   std::string posture;
-  JointVector joints;
+  JointVector joints, start;
   Vec3 last = Vec3::Zero();
 
-  Impl(const AnyMachine& m, const Mat3& R, std::string in) : machine(m), R_MT(R), posture(std::move(in)) {
+  Impl(const AnyMachine& m, const Mat3& R, std::string in, const std::vector<double>& from)
+      : machine(m),
+        R_MT(R),
+        posture(std::move(in)),
+        start(Eigen::Map<const Eigen::VectorXd>(from.data(), std::ssize(from))) {
     quick = std::visit(
         [this]<class M>(const M& of) -> machine::QuickCompliance {
           if constexpr (requires { quick_compliance(of, posture); }) return quick_compliance(of, posture);
@@ -125,8 +129,8 @@ struct Probe::Impl {
   }
 };
 
-Probe::Probe(const AnyMachine& machine, const Mat3& R_MT, std::string posture)
-    : impl_(std::make_unique<Impl>(machine, R_MT, std::move(posture))) {}
+Probe::Probe(const AnyMachine& machine, const Mat3& R_MT, std::string posture, const std::vector<double>& start)
+    : impl_(std::make_unique<Impl>(machine, R_MT, std::move(posture), start)) {}
 Probe::~Probe() = default;
 Probe::Probe(Probe&&) noexcept = default;
 Probe& Probe::operator=(Probe&&) noexcept = default;
@@ -138,8 +142,9 @@ bool Probe::at(const Vec3& p_M, Mat3& C) {
   const Pose X_MT{s.R_MT, p_M};
   // On a way the posture that the arm has had so far.
   const bool follows = s.joints.size() > 0;
+  const JointVector& near = follows ? s.joints : s.start;
   const kinematics::InverseResult result =
-      follows ? kinematics::inverse_near(s.machine, X_MT, s.joints) : kinematics::inverse(s.machine, X_MT);
+      near.size() > 0 ? kinematics::inverse_near(s.machine, X_MT, near) : kinematics::inverse(s.machine, X_MT);
   const kinematics::Solution* solution =
       follows ? result.reachable() : kinematics::reachable_in(s.machine, result, s.posture);
   if (solution == nullptr) return false;

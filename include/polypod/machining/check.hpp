@@ -60,7 +60,10 @@ struct CheckOptions {
   double turn_step = 0.0175;  ///< rad, the same for A, B and C
   double rapid_speed = 0.1;   ///< m/s, that G0 is counted with
   MotionLimits limits;
-  std::string branch;          ///< the posture to begin with, by name; empty: the first within the limits
+  std::string branch;  ///< the posture to begin with, by name; empty: the first within the limits
+  /// Where the joints stand before, rad or m: of what the first pose leaves open (a free joint, whole turns) the
+  /// nearest to these; empty: not said.
+  std::vector<double> start = {};
   bool stop_at_first = false;  ///< only whether there is a problem: no other, no ranges, time or length of the rest
   /// Asked at every point that is reached, with the pose that the machine has there, its joints, whether the way leads
   /// there from the point before, and the T number: which bodies touch, empty where none do. Not asked: no "collision".

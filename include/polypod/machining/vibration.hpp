@@ -133,7 +133,7 @@ struct ProgramVibration {
 };
 
 /// Why the vibration of this job's machine is not judged, with what would help; empty where it can be: no compliances.
-std::string no_vibration(const Job& job);
+std::string no_vibration(const Job& job, const gcode::Interpretation& interpretation);
 
 /// The points of a program, by one more pass through the stock with the options of its prediction. Errors: those of
 /// accept and run_pass.

@@ -158,13 +158,8 @@ LimitTable limit_table(const SerialArm& arm) {
   return out;
 }
 
-std::string limit_name(const SerialArm& arm, int limit) {
-  int joint = limit / 2, seen = -1, number = 0;
-  for (const DhRow& row : arm.dh) {
-    ++number;
-    if (!row.locked && ++seen == joint) break;
-  }
-  return fmt::format("joint {} {}", number, limit % 2 == 0 ? "below its minimum" : "above its maximum");
+std::string limit_name(const SerialArm&, int limit) {  // joints that are locked have no number
+  return fmt::format("joint {} {}", limit / 2 + 1, limit % 2 == 0 ? "below its minimum" : "above its maximum");
 }
 
 std::vector<Pose> frames_of_table(const SerialArm& arm, const JointVector& q) {
