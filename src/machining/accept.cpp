@@ -114,9 +114,8 @@ std::string other_unit(const Job& job, const gcode::Interpretation& interpretati
   if (!(in_other_unit > 1 / same_size && in_other_unit < same_size)) return {};
   // A program that lies beside the stock in the other unit, too, is not helped by it.
   const double factor = inches ? 1 / inch : inch;
-  const Vec3 beside(job.cutter.radius(), job.cutter.radius(), 0), above(0, 0, std::numeric_limits<double>::infinity());
-  if (!may_touch({factor * path_alone.min() - beside, factor * path_alone.max() + beside + above}, stock_alone))
-    return {};
+  const Vec3 beside(job.cutter.radius(), job.cutter.radius(), std::numeric_limits<double>::infinity());
+  if (!may_touch({factor * path_alone.min() - beside, factor * path_alone.max() + beside}, stock_alone)) return {};
   return fmt::format(
       "the program is in {}; in {} it would be of the size of the stock: check G20 and G21, and the unit of the CAM "
       "system",

@@ -128,7 +128,7 @@ std::optional<int> m_code_named(std::string_view name);
 struct InterpretOptions {
   /// p_W of the origins of G54 ... G59, m. The first is usually zero: W is the frame of G54.
   std::array<Vec3, 6> work_offsets{Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
-  bool block_delete = false;  ///< whether blocks that begin with `/` are skipped (the switch of the machine)
+  bool block_delete = false;          ///< whether blocks that begin with `/` are skipped (the switch of the machine)
   std::map<int, MCode> m_codes = {};  ///< of the controller at hand, beside those of LinuxCNC and M100 to M199
 };
 

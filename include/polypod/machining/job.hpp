@@ -36,8 +36,8 @@ struct MeasuredCompliance {
 /// The controller that runs the program: what LinuxCNC's planner does between the blocks.
 struct Controller {
   PlannerLimits planner;
-  double shortest_length = 0;  ///< m, no block that Polypod writes is shorter ...
-  double shortest_time = 0;    ///< s, ... nor takes less time; 0: two servo periods
+  double shortest_length = 0;                ///< m, no block that Polypod writes is shorter ...
+  double shortest_time = 0;                  ///< s, ... nor takes less time; 0: two servo periods
   std::map<int, gcode::MCode> m_codes = {};  ///< gcode::InterpretOptions::m_codes
 
   [[nodiscard]] double shortest_block(double feed) const {
