@@ -63,8 +63,8 @@ class Probe {
  public:
   /// `R_MT`: the orientation of the tool in M; its turn about the tool axis counts only where the task has it.
   /// `posture`: that of the first pose (kinematics::branch_name), which an arm with a closed inverse of point and axis
-  /// keeps; empty: the first within the limits. `start`: the joints before the first pose, rad or m; of what that leaves
-  /// open, such as a free joint, the nearest to these. Empty: not said.
+  /// keeps; empty: the first within the limits. `start`: the joints before the first pose, rad or m; of what that
+  /// leaves open, such as a free joint, the nearest to these. Empty: not said.
   Probe(const AnyMachine& machine, const Mat3& R_MT, std::string posture = {}, const std::vector<double>& start = {});
   ~Probe();
   Probe(Probe&&) noexcept;
