@@ -33,8 +33,7 @@ class SearchJudge {
   [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
 
   void values(const Pose& target, double* out) const {
-    std::vector<double> best;
-    double least = -std::numeric_limits<double>::infinity();
+    std::vector<double> best, rooms;
     for (const kinematics::Solution& s : inverse(m_, target).solutions) {
       Pose X;
       if constexpr (requires { settled(m_, target, s.joints); }) {
@@ -43,11 +42,12 @@ class SearchJudge {
         X = forward(m_, s.joints);
       }
       std::vector<double> g = limits(m_, X, joints(s.joints), std::span<const double>(p_));
-      double here = std::numeric_limits<double>::infinity();
+      std::vector<double> here;
       for (const Slot& slot : slots)
-        if (slot.limit != kOutOfReach) here = std::min(here, slot.scale * g[static_cast<std::size_t>(slot.limit)]);
-      if (here <= least) continue;
-      least = here;
+        if (slot.limit != kOutOfReach) here.push_back(slot.scale * g[static_cast<std::size_t>(slot.limit)]);
+      std::sort(here.begin(), here.end());
+      if (!best.empty() && !has_more_room(here, rooms)) continue;
+      rooms = std::move(here);
       best = std::move(g);
     }
     for (const Slot& slot : slots) {
@@ -59,6 +59,14 @@ class SearchJudge {
   }
 
  private:
+  /// By the least room, and where that is the same by the next: solutions that one limit stops alike, as both of a head
+  /// whose slide comes to its end, would else take turns, and their other limits jump between the samples.
+  static bool has_more_room(const std::vector<double>& a, const std::vector<double>& b) {
+    constexpr double kSame = 1e-7;  // m
+    for (std::size_t k = 0; k < a.size(); ++k)
+      if (std::abs(a[k] - b[k]) > kSame) return a[k] > b[k];
+    return false;
+  }
   static std::span<const double> joints(const machine::JointVector& q) {
     return {q.data(), static_cast<std::size_t>(q.size())};
   }
