@@ -300,6 +300,7 @@ Command check_command() {
           if (other) search.other = &*other;
           search.limits = options.limits;
           search.posture = job.posture;
+          search.start = options.start;
           search.progress = progress_line(context, "looking for a place");
           POLYPOD_ASSIGN(found, machining::nearest_places(m, job.X_MW, program, interpretation, search));
           search.progress(1);

@@ -60,7 +60,8 @@ struct Poses {
     Vec3 axes;  ///< A, B, C, rad
   };
   std::vector<One> poses;
-  std::string posture;  ///< empty: the first within the limits
+  std::string posture;        ///< empty: the first within the limits
+  std::vector<double> start;  ///< as CheckOptions::start
 };
 
 Poses poses_of(const gcode::Interpretation& interpretation, std::size_t most) {
@@ -103,13 +104,15 @@ Poses poses_of(const gcode::Interpretation& interpretation, std::size_t most) {
 PlaceFit look(const machine::AnyMachine& machine, const Poses& poses, const Pose& X_MW, double* margin = nullptr) {
   const int n = kinematics::joint_count(machine);
   machine::JointVector last;
+  const machine::JointVector start = Eigen::Map<const Eigen::VectorXd>(poses.start.data(), std::ssize(poses.start));
   kinematics::HoldOnPath held(machine);
   double least = 0.5;
   for (const Poses::One& one : poses.poses) {
     const Pose X{tool_orientation(machine, X_MW, one.axes), X_MW * one.p};
     const bool follows = last.size() > 0;
+    const machine::JointVector& near = follows ? last : start;
     const kinematics::InverseResult inverse =
-        follows ? kinematics::inverse_near(machine, X, last) : kinematics::inverse(machine, X);
+        near.size() > 0 ? kinematics::inverse_near(machine, X, near) : kinematics::inverse(machine, X);
     if (inverse.solutions.empty()) return PlaceFit::reach;
     const kinematics::Solution* best =
         follows ? inverse.reachable() : kinematics::reachable_in(machine, inverse, poses.posture);
@@ -135,6 +138,7 @@ struct Both {
   const gcode::Understood* other = nullptr;
   MotionLimits limits;
   std::string posture;
+  std::vector<double> start;
 
   [[nodiscard]] bool may_turn(const machine::AnyMachine& machine) const {
     return may_turn_the_part(machine, interpretation) &&
@@ -143,6 +147,7 @@ struct Both {
   [[nodiscard]] Poses poses() const {
     Poses out = poses_of(interpretation, kMostPoints);
     out.posture = posture;
+    out.start = start;
     if (other == nullptr) return out;
     const Poses more = poses_of(other->interpretation, kMostPoints);
     out.poses.insert(out.poses.end(), more.poses.begin(), more.poses.end());
@@ -156,6 +161,7 @@ Result<PlaceFit> check_whole(const machine::AnyMachine& machine, const Pose& X_M
   options.stop_at_first = true;
   options.limits = both.limits;
   options.branch = both.posture;
+  options.start = both.start;
   POLYPOD_ASSIGN(checked, check(machine, X_MW, both.program, both.interpretation, options));
   if (checked.problems.empty() && both.other != nullptr) {
     POLYPOD_ASSIGN(other, check(machine, X_MW, both.other->program, both.other->interpretation, options));
@@ -180,7 +186,7 @@ class Search {
         program_(program),
         interpretation_(interpretation),
         options_(options),
-        both_{program, interpretation, options.other, motion_limits(job), job.posture},
+        both_{program, interpretation, options.other, motion_limits(job), job.posture, job.start_joints},
         poses_(both_.poses()) {}
 
   Result<PlaceResult> run() {
@@ -272,6 +278,7 @@ class Search {
       NearestOptions options;
       options.other = options_.other;
       options.posture = job_.posture;
+      options.start = job_.start_joints;
       options.progress = [this](double share) {
         return !options_.progress || options_.progress(share, "looking for a place that fits");
       };
@@ -742,7 +749,7 @@ class Nearest {
       : machine_(machine),
         start_{X_MW.p, rotation_of(X_MW)},
         options_(options),
-        both_{program, interpretation, options.other, options.limits, options.posture},
+        both_{program, interpretation, options.other, options.limits, options.posture, options.start},
         poses_(both_.poses()) {}
 
   Result<NearestPlaces> run() {

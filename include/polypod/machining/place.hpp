@@ -158,6 +158,7 @@ struct NearestOptions {
   double finest_turn = 0.00175;  ///< rad
   MotionLimits limits;
   std::string posture;                       ///< as CheckOptions::branch
+  std::vector<double> start = {};            ///< as CheckOptions::start
   const gcode::Understood* other = nullptr;  ///< see PlaceOptions
   std::function<bool(double)> progress;
 };
