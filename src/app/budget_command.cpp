@@ -32,10 +32,10 @@ Command budget_command() {
             declare_machine(a, o->machine, o->sets);
             a.option("--pose", o->pose, "x,y,z[,A,B[,C]] in mm and deg", true);
             a.option("--tolerance", o->tolerances, "KEY=mm (angles deg): of elements, as in `errors` (repeatable)");
-            a.option("--resolution", o->resolution, kJointError, "Of every joint, mm (of turning joints deg)");
+            a.option("--resolution", o->resolution, kJointError, "Of every joint, mm or deg");
             a.option("--repeatability", o->repeatability, kJointError,
-                     "Of every joint, three standard deviations, mm (of turning joints deg)");
-            a.option("--backlash", o->backlash, kJointError, "Of every joint, mm (of turning joints deg)");
+                     "Of every joint, three standard deviations, mm or deg");
+            a.option("--backlash", o->backlash, kJointError, "Of every joint, mm or deg");
             a.option("--force", o->force, "Fx,Fy,Fz on the tool tip in M, N");
             a.option("--temperature-rise", o->warming, {-300, 3000}, "Above the temperature of the nominal lengths, K");
             a.option("--covariance", o->covariance,
