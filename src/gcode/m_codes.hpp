@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "polypod/gcode/interpreter.hpp"
+#include "polypod/gcode/program.hpp"
 
 namespace polypod::gcode {
 
@@ -16,9 +17,6 @@ inline constexpr int kMostMWords = 4;
 
 /// Modal group of an M code; 0 for those without.
 int m_group_of(int m);
-
-/// The letters whose words belong to an M code.
-std::string_view arguments_of_m(int m);
 
 /// Whether an M code is LinuxCNC's own; M100 to M199 are its user's.
 bool is_own_m(int m);

@@ -838,6 +838,7 @@ TEST(Language, SubprogramsAreFoundWhereLinuxCncFindsThem) {
       // A '%' that is passed over ends the file, if the first line was one.
       "%\no<framed> call\nM2\n%\n",
       "o<framed> call\nM2\n",
+      "o<ends> call\nM2\n",
       "%\no2 call\nM2\n%\n" + defines("2", 1),
       "o2 call\nM2\n%\n" + defines("2", 1),
       "%\no1 if [0]\nG0 X3\n%\no1 endif\nG0 X4\nM2\n",

@@ -201,6 +201,13 @@ TEST(TestCut, SaysNoWhereOneFactorDoesNotExplainTheSizes) {
   const TestCutFit blunt =
       unwrap(machining::fit_test_cut(job, cut, readings(std::vector<double>(6, from_mm(72)), 0, from_mm(0.2), 1)));
   ASSERT_TRUE(blunt.no);
+  // Nor do sizes that another cutter left, whatever the factor that fits them.
+  std::vector<TestCutReading> other;
+  for (std::size_t i = 0; i < soft.size(); ++i) other.push_back({i, soft[i] - from_mm(1), from_um(3)});
+  const TestCutFit larger = unwrap(machining::fit_test_cut(job, cut, other));
+  ASSERT_TRUE(larger.no);
+  EXPECT_THAT(*larger.no, HasSubstr("larger than the"));
+  EXPECT_NEAR(larger.diameter.value, from_mm(1), from_um(5));
 }
 
 TEST(TestCut, RefusesWhatTellsNothing) {

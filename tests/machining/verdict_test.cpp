@@ -7,6 +7,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/tilted.hpp"
+#include "polypod/machining/vibration.hpp"
 
 namespace polypod {
 namespace {
@@ -316,6 +317,20 @@ TEST(Verdict, AToolIsNotHeldAboveTheFloor) {
   EXPECT_LT(to_um(highest), 20);
   // Nor does it go down while the command has sunk by less than 400 N bend the tool.
   EXPECT_GT(to_um(lifted), 100);
+}
+
+// Cutters that the program does not use say nothing of its vibration.
+TEST(Verdict, AnUnusedBallDoesNotStopTheVibration) {
+  const auto e = [](const std::string& tool) {
+    auto out = with_program("slavkovic_groove", "G21 G90 G94 G17\n" + tool +
+                                                    " M6\nS12000 M3\nG0 X-36 Y0 Z5\nG1 Z-1 F600\nG1 X0\nG0 Z5\nM2\n");
+    out.job.cutters[2] = out.job.cutter;
+    out.job.cutters[2].corner_radius = out.job.cutter.radius();
+    return out;
+  };
+  const auto flat = e("T1"), ball = e("T2");
+  EXPECT_EQ(machining::no_vibration(flat.job, flat.interpretation), "");
+  EXPECT_THAT(machining::no_vibration(ball.job, ball.interpretation), HasSubstr("corner radius"));
 }
 
 // A slot that ends in the middle of the block, and then G28: the same rapid with its end known is a collision.
