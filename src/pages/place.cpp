@@ -7,6 +7,8 @@
 #include <limits>
 
 #include "polypod/core/units.hpp"
+#include "polypod/machine/assumed.hpp"
+#include "polypod/machining/check.hpp"
 #include "polypod/report/html.hpp"
 
 namespace polypod::pages {
@@ -193,18 +195,23 @@ std::string place_page(const machining::Job& job, const PlaceResult& result, con
       in_words(result.reference), to_um(off)));
 
   page.add_section("What this page does not answer");
-  page.add_list(
-      {"Whether machine, tool and part collide with a table, a fixture or each other.",
-       "Whether the part can be clamped there, and how exactly.",
-       job.weights
-           ? "How the part deflects under its own weight; that of the machine counts, against the deflection at the "
-             "origin of the workpiece, in the normal errors and not along the tool."
-           : "What the weights of machine and part do.",
-       fmt::format("Places outside of the box x {}, y {}, z {} mm, rotations {} deg.", range(result.box[0], to_mm),
-                   range(result.box[1], to_mm), range(result.box[2], to_mm), range(result.turns, to_deg)),
-       fmt::format("Points of the program between the {} that an estimate looks at; the whole program was "
-                   "checked at the places of the table.",
-                   result.looked_at)});
+  std::vector<std::string> open{
+      "Whether machine, tool and part collide with a table, a fixture or each other.",
+      "Whether the part can be clamped there, and how exactly.",
+      job.weights
+          ? "How the part deflects under its own weight; that of the machine counts, against the deflection at the "
+            "origin of the workpiece, in the normal errors and not along the tool."
+          : "What the weights of machine and part do.",
+      fmt::format("Places outside of the box x {}, y {}, z {} mm, rotations {} deg.", range(result.box[0], to_mm),
+                  range(result.box[1], to_mm), range(result.box[2], to_mm), range(result.turns, to_deg)),
+      fmt::format("Points of the program between the {} that an estimate looks at; the whole program was "
+                  "checked at the places of the table.",
+                  result.looked_at)};
+  if (const std::string joints = machining::without_speed(job.joint_speeds); !joints.empty())
+    open.push_back(fmt::format("Whether the joints are fast enough: {}.", joints));
+  if (machine::limits_are_assumed(job.machine))
+    open.push_back(fmt::format("Limits of the joints: {}.", machine::kAssumedLimits));
+  page.add_list(open);
   if (!options.command.empty()) page.add_code("The command that made this page", options.command, false);
   return page.to_html();
 }
