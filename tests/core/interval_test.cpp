@@ -133,7 +133,12 @@ TEST(Interval, ResultsAreTight) {
 TEST(Interval, SquareIsTighterThanTheProduct) {
   const Interval x(-1, 2);
   EXPECT_EQ(square(x).lo(), 0);
-  EXPECT_LT((x * x).lo(), -1.9);
+  const Interval any_other = x;
+  EXPECT_LT((x * any_other).lo(), -1.9);
+  // Of one object both factors are the same number.
+  EXPECT_EQ(x * x, square(x));
+  const Eigen::Matrix<Interval, 3, 1> v(x, x, x);
+  EXPECT_GT(v.squaredNorm().lo(), -1e-300);  // but for the rounding of the sum
   EXPECT_GE(square(Interval(-1e-200, 1e-200)).lo(), 0);
   EXPECT_EQ(square(3.0), 9.0);
 }

@@ -176,13 +176,15 @@ TEST(BoxNumbers, EncloseWhatTheyStandFor) {
           return T(a / c + abs(b));
         case 4:
           return T(b / (T(0.0) - c) - T(2.0) * a);
+        case 5:
+          return T(a * a + b * b - c * c);
         default:
           return T(sin(square(a)) / sqrt(c));
       }
     };
     std::array<double, 3> off{};
     for (std::size_t i = 0; i < 3; ++i) off[i] = random.uniform(-1, 1) * d.reach[i];
-    for (int which = 0; which < 6; ++which) {
+    for (int which = 0; which < 7; ++which) {
       const BoxNumber enclosed = f(x[0], x[1], x[2], which);
       const double value = f(at[0] + off[0], at[1] + off[1], at[2] + off[2], which);
       double line = enclosed.value();

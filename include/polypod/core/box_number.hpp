@@ -78,6 +78,7 @@ class BoxNumber {
   friend BoxNumber operator+(const BoxNumber& a, const BoxNumber& b) { return sum(a, b, 1); }
   friend BoxNumber operator-(const BoxNumber& a, const BoxNumber& b) { return sum(a, b, -1); }
   friend BoxNumber operator*(const BoxNumber& a, const BoxNumber& b) {
+    if (&a == &b) return square(a);
     if (a.domain_ == nullptr && a.rest_ == 0) return b.scaled(a.value_);
     if (b.domain_ == nullptr && b.rest_ == 0) return a.scaled(b.value_);
     if (a.domain_ == nullptr) return b * a;

@@ -19,6 +19,8 @@ namespace polypod {
 /// in any thread and under any optimisation that keeps IEEE results. sqrt is correctly rounded; sin and cos are taken
 /// to be within 2 units in the last place (glibc states less than 1).
 ///
+/// x * x of one object is its square: both factors are the same number, which intervals of two objects do not know.
+///
 /// Empty intervals do not exist; a division by an interval that holds 0, or any NaN operand, gives the whole line.
 class Interval {
  public:
@@ -41,7 +43,13 @@ class Interval {
   friend Interval operator+(const Interval& a) { return a; }
   friend Interval operator+(const Interval& a, const Interval& b) { return outward(a.lo_ + b.lo_, a.hi_ + b.hi_); }
   friend Interval operator-(const Interval& a, const Interval& b) { return outward(a.lo_ - b.hi_, a.hi_ - b.lo_); }
+  friend Interval square(const Interval& x) {
+    const double a = x.lo_ * x.lo_, b = x.hi_ * x.hi_;
+    const Interval outer = outward(x.contains(0) ? 0.0 : std::min(a, b), std::max(a, b));
+    return {std::max(0.0, outer.lo_), outer.hi_};
+  }
   friend Interval operator*(const Interval& a, const Interval& b) {
+    if (&a == &b) return square(a);
     const double p = product(a.lo_, b.lo_), q = product(a.lo_, b.hi_);
     const double r = product(a.hi_, b.lo_), s = product(a.hi_, b.hi_);
     return outward(std::min(std::min(p, q), std::min(r, s)), std::max(std::max(p, q), std::max(r, s)));
@@ -86,16 +94,7 @@ class Interval {
   double hi_ = 0;
 };
 
-/// x^2, tighter than x * x because both factors are the same number.
-inline Interval square(const Interval& x) {
-  const double a = x.lo() * x.lo(), b = x.hi() * x.hi();
-  if (x.contains(0)) {
-    const Interval outer = Interval::outward(0, std::max(a, b));
-    return {0, outer.hi()};
-  }
-  const Interval outer = Interval::outward(std::min(a, b), std::max(a, b));
-  return {std::max(0.0, outer.lo()), outer.hi()};
-}
+/// x^2 of any number.
 inline double square(double x) {
   return x * x;
 }
