@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <set>
 
 #include "engine.hpp"
 #include "polypod/core/files.hpp"
@@ -241,6 +242,27 @@ Status Engine::call(const std::string& label, const std::vector<double>& argumen
   return {};
 }
 
+/// Whether a subprogram, a loop or a branch is open here, or a `sub` follows.
+bool Engine::in_or_before_o_words() const {
+  const Frame& f = frames_.back();
+  if (frames_.size() > 1 && !f.by_number) return true;
+  std::set<std::string> opened;
+  const auto& blocks = sources_[f.source]->program->blocks;
+  for (std::size_t i = f.at; i < blocks.size(); ++i) {
+    if (ends_file(blocks[i].text)) break;
+    const auto word = o_word(blocks[i].text);
+    if (!word || word->second.empty() || word->second == "call") continue;
+    const auto& [label, keyword] = *word;
+    if (keyword == "sub") return true;
+    const auto known = f.labels.find(label);
+    const bool closes_do = keyword == "while" && known != f.labels.end() && known->second.keyword == "do";
+    if (!closes_do && (keyword == "if" || keyword == "while" || keyword == "do" || keyword == "repeat"))
+      opened.insert(label);
+    if (!opened.contains(label)) return true;
+  }
+  return false;
+}
+
 Status Engine::call_by_number(const Block& block) {
   block_ = &block;
   const Word* p = find('P');
@@ -255,6 +277,11 @@ Status Engine::call_by_number(const Block& block) {
     if (!frame().locals.empty() || frame().modes) {
       return error(l->column, "GC163", "M98 L0: LinuxCNC 2.9 forgets the local names and the saved modes there",
                    "remove the line, or use a condition");
+    }
+    if (in_or_before_o_words()) {
+      return error(l->column, "GC163",
+                   "M98 L0 in a loop, a branch or a subprogram, or before a 'sub': LinuxCNC 2.9 loses its place there",
+                   "remove the line, or call only where there is something to call");
     }
     return {};
   }

@@ -131,11 +131,31 @@ Status Engine::block(const Block& block) {
   POLYPOD_TRY(tools());
   POLYPOD_TRY(spindle());
   switches();
+  switch_kinematics();
   POLYPOD_TRY(settings());
   POLYPOD_TRY(motion());
   POLYPOD_TRY(stop());
   end_plain();
   return {};
+}
+
+/// M codes that make the controller take words for joints, and back (InterpretOptions::m_codes). Between them the place
+/// of the tip is not known to the program; afterwards it is where it was, unless the joints have moved.
+void Engine::switch_kinematics() {
+  if (in_joints_ && one_of('G', 280, 300, 530) >= 0) known_as_tip_.fill(false);
+  for (const Word& word : block_->words) {
+    if (word.letter != 'M') continue;
+    const auto meaning = options_.m_codes.find(static_cast<int>(word.value));
+    if (meaning == options_.m_codes.end()) continue;
+    if (meaning->second == MCode::joints) {
+      if (!in_joints_) known_as_tip_ = known_;
+      known_.fill(false);
+      in_joints_ = true;
+    } else if (meaning->second == MCode::tip && in_joints_) {
+      known_ = known_as_tip_;
+      in_joints_ = false;
+    }
+  }
 }
 
 Status Engine::stop() {

@@ -150,6 +150,7 @@ class Engine final : private Parameters {
   Status control(const Line& line, const Block& block);
   Status call(const std::string& label, const std::vector<double>& arguments, const Block& block, int column);
   Status call_by_number(const Block& block);
+  [[nodiscard]] bool in_or_before_o_words() const;
   Status return_from(const Block& block);
   Status leave();
   Status skip_to(const std::string& label, std::initializer_list<std::string_view> keywords, const Block& block);
@@ -253,6 +254,7 @@ class Engine final : private Parameters {
   Status check_sum(const Word& word) const;
   Status comment();
   void feed_and_speed();
+  void switch_kinematics();
   [[nodiscard]] Result<std::size_t> index_of(const Word& word) const;
   Status tools();
   Status spindle();
@@ -422,6 +424,8 @@ class Engine final : private Parameters {
   Axes current_{};  // where the interpreter is
   Axes canon_{};    // where the last move ended; a new tool length shows only in `current_`
   std::array<bool, 6> known_{};
+  std::array<bool, 6> known_as_tip_{};  ///< before an M code made the controller take words for joints
+  bool in_joints_ = false;
   bool resync_ = false;  // after a tool change rs274 asks where it is, and forgets a new tool length
   ToolOffset length_offset_{};
   Tool loaded_;

@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "text.hpp"
+#include "words.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -202,7 +203,7 @@ class LineReader {
     if (at_end() || (is_letter(peek()) && !is_function())) {
       at_ = from;
       return error("GC101", fmt::format("{} without a number", static_cast<char>(c & ~0x20)),
-                   "is the file complete? every letter outside comments needs a number");
+                   missing_number_hint(text_, from));
     }
     POLYPOD_ASSIGN(number, value());
     const char letter = is_letter(c) ? static_cast<char>(lower(c) - 'a' + 'A') : c;

@@ -59,7 +59,9 @@ void Engine::add_plain(std::string_view text, bool as_it_is) {
   if (!as_it_is && text.empty()) return;
   Block block;
   block.text = text;
-  block.ending = "\n";
+  const Blocks& blocks =
+      sources_.front()->program->blocks;  // the file goes on with the line endings that it begins with
+  block.ending = !blocks.empty() && blocks.front().ending.ends_with("\r\n") ? "\r\n" : "\n";
   block.line = written_block_ != nullptr ? written_block_->line : 0;
   plain_.blocks.push_back(block);
   plain_sources_.push_back(static_cast<std::uint32_t>(frames_.back().source));

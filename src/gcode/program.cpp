@@ -13,6 +13,7 @@
 #include "polypod/core/file_parts.hpp"
 #include "reader.hpp"
 #include "text.hpp"
+#include "words.hpp"
 
 namespace polypod::gcode {
 namespace {
@@ -228,8 +229,7 @@ Status LineReader::read_block(Block& block) {
       case Number::Outcome::good:
         break;
       case Number::Outcome::missing:
-        return error(block, i, "GC101", fmt::format("{} without a number", letter),
-                     "is the file complete? every letter outside comments needs a number");
+        return error(block, i, "GC101", fmt::format("{} without a number", letter), missing_number_hint(text, i));
       case Number::Outcome::malformed:
         return error(block, number.problem, "GC102", fmt::format("{} with a malformed number", letter),
                      "write [+-] digits, with at most one point and no exponent");

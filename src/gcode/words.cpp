@@ -1,7 +1,13 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "words.hpp"
 
+#include <fmt/format.h>
+
+#include <cctype>
 #include <cmath>
+#include <vector>
+
+#include "polypod/core/nearest_word.hpp"
 
 namespace polypod::gcode {
 
@@ -86,6 +92,25 @@ std::array<std::size_t, 3> axes_of(Plane plane) {
   return plane == Plane::xy   ? std::array<std::size_t, 3>{0, 1, 2}
          : plane == Plane::zx ? std::array<std::size_t, 3>{2, 0, 1}
                               : std::array<std::size_t, 3>{1, 2, 0};
+}
+
+std::string missing_number_hint(std::string_view line, std::size_t at) {
+  static const std::vector<std::string> kFlow{"sub",      "endsub",   "call",   "do",     "while",
+                                              "endwhile", "if",       "elseif", "else",   "endif",
+                                              "break",    "continue", "return", "repeat", "endrepeat"};
+  std::string name;
+  while (at < line.size() && std::isalpha(static_cast<unsigned char>(line[at])) != 0)
+    name += static_cast<char>(std::tolower(static_cast<unsigned char>(line[at++])));
+  constexpr std::size_t kWord = 2;
+  if (name.size() >= kWord) {
+    const bool labelled = begins_with(from_first_word(line), "O");
+    if (const std::string meant = nearest_word(name, kFlow); labelled && !meant.empty())
+      return fmt::format("did you mean '{}' behind the O word?", meant);
+    if (name == "if" || name == "while" || name == "end" || name == "goto" || name == "then" || name == "do")
+      return "this is how other controllers write macros; LinuxCNC takes O words: o1 if [...] ... o1 endif, o2 while "
+             "[...] ... o2 endwhile";
+  }
+  return "is the file complete? every letter outside comments needs a number";
 }
 
 }  // namespace polypod::gcode

@@ -30,6 +30,9 @@ int group_of(int g);
 /// The first and second axis of a plane and its normal.
 std::array<std::size_t, 3> axes_of(Plane plane);
 
+/// What to do about a letter without a number at `at` of the line, which may begin a word of several letters.
+std::string missing_number_hint(std::string_view line, std::size_t at);
+
 template <std::size_t N>
 void scale(std::array<double, N>& values, double factor) {
   for (std::size_t k = 0; k < 3; ++k) values[k] *= factor;
