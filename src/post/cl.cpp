@@ -74,7 +74,7 @@ const std::set<std::string_view> kTextWords{"PARTNO", "PPRINT", "REMARK", "INSER
 const std::set<std::string_view> kNoted{
     "CUTTER", "MACHIN", "HEAD",  "INTOL",  "OUTTOL", "TOLER",  "CLEARP", "DISPLY",    "SET",    "SELCTL",     "UNLOAD",
     "CLAMP",  "MODE",   "TMARK", "LEADER", "MCHTOL", "LINTOL", "SAFPOS", "NOPOST",    "AUXFUN", "PREFUN",     "SEQNO",
-    "MSYS",   "REWIND", "END",   "CLRSRF", "PAINT",  "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
+    "AUTOPS", "REWIND", "END",   "CLRSRF", "PAINT",  "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
 
 /// Words that change where the tool goes and are not carried out, with what to do.
 const std::map<std::string_view, const char*> kRefused{
@@ -88,8 +88,6 @@ const std::map<std::string_view, const char*> kRefused{
     {"COPY", "post with the copies written out"},
     {"INDEX", "post with the copies written out"},
     {"INSERT", "its text would go to the controller unread: remove it"},
-    {"INDIRV", "post arcs as CIRCLE/xc,yc,zc,i,j,k,r before GOTO, or as points"},
-    {"TLON", "post arcs as CIRCLE/xc,yc,zc,i,j,k,r before GOTO, or as points"},
     {"RETRCT", "write the retract as RAPID and GOTO"},
     {"THREAD", "post without threads"},
     {"PITCH", "post without threads"},
@@ -232,10 +230,19 @@ class Reader {
     }
     if (s.word.empty()) return error("PO101", "a statement without its word", s.spot, "write WORD/values");
     if (!s.slash) return std::optional<Statement>(std::move(s));
+    // CATIA's TLON,GOFWD/(CIRCLE/...),ON,(LINE/...): as one list.
+    std::string list = joined;
+    if (s.word.starts_with("TLON") && s.word.find("GOFWD") != std::string::npos) {
+      s.word = "TLON";
+      std::transform(list.begin() + static_cast<std::ptrdiff_t>(slash) + 1, list.end(),
+                     list.begin() + static_cast<std::ptrdiff_t>(slash) + 1, [](char c) {
+                       return c == '(' || c == ')' ? ' ' : c == '/' ? ',' : c;
+                     });
+    }
     std::size_t at = slash + 1;
     for (;;) {
-      const std::size_t comma = std::min(joined.find(',', at), joined.size());
-      const std::string_view raw = std::string_view(joined).substr(at, comma - at);
+      const std::size_t comma = std::min(list.find(',', at), list.size());
+      const std::string_view raw = std::string_view(list).substr(at, comma - at);
       Item item;
       item.text = std::string(trimmed(raw));
       const std::size_t lead = raw.find_first_not_of(" \t");
@@ -247,7 +254,7 @@ class Reader {
       POLYPOD_ASSIGN(number, number_in(item, s.word));
       item.number = number;
       s.items.push_back(std::move(item));
-      if (comma == joined.size()) break;
+      if (comma == list.size()) break;
       at = comma + 1;
     }
     return std::optional<Statement>(std::move(s));
@@ -356,7 +363,8 @@ class Reader {
         {"STOP", &Reader::stop},        {"OPSTOP", &Reader::stop},    {"DELAY", &Reader::delay},
         {"PARTNO", &Reader::comment},   {"PPRINT", &Reader::comment}, {"REMARK", &Reader::comment},
         {"TITLES", &Reader::comment},   {"LETTER", &Reader::comment}, {"CYCLE", &Reader::cycle},
-        {"FINI", &Reader::end}};
+        {"FINI", &Reader::end},         {"MSYS", &Reader::system},    {"INDIRV", &Reader::direction},
+        {"TLON", &Reader::catia_arc}};
     const auto refuse_here = [&](const char* hint) {
       return error("PO105", fmt::format("{} changes where the tool goes and is not carried out", s.word), s.spot, hint);
     };
@@ -364,11 +372,6 @@ class Reader {
     if (s.word == "CUTCOM" && s.items.size() == 1 && s.items[0].text == "OFF") return {};
     if (s.word == "OPSKIP" && s.items.size() == 1 && s.items[0].text == "OFF") return {};
     if (const auto it = kRefused.find(s.word); it != kRefused.end()) return refuse_here(it->second);
-    if (s.word == "MSYS" && !identity(s))
-      note_once(
-          fmt::format("line {}: MSYS tells where the coordinates lie in the CAM model; "
-                      "they are taken as those of the workpiece",
-                      s.spot.line));
     if (kNoted.count(s.word) > 0) {
       passed_.emplace(s.word, s.spot.line);
       return {};
@@ -378,12 +381,26 @@ class Reader {
         "it may change motion: remove it, or post with GOTO, RAPID, FEDRAT, ... (docs/post.md lists the words)");
   }
 
-  static bool identity(const Statement& s) {
-    constexpr std::array<double, 9> kIdentity{0, 0, 0, 1, 0, 0, 0, 1, 0};
-    if (s.items.size() != kIdentity.size()) return false;
-    for (std::size_t i = 0; i < kIdentity.size(); ++i)
-      if (!s.items[i].number || *s.items[i].number != kIdentity[i]) return false;
-    return true;
+  /// Where the coordinates lie in the CAM model: taken as those of the workpiece, one system a file.
+  Status system(const Statement& s) {
+    POLYPOD_ASSIGN(values, all_numbers(s));
+    static const std::vector<double> kIdentity{0, 0, 0, 1, 0, 0, 0, 1, 0};
+    const auto same = [](const std::vector<double>& a, const std::vector<double>& b) {
+      constexpr double kSame = 1e-6;
+      return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                        [](double x, double y) { return std::abs(x - y) <= kSame; });
+    };
+    if (system_ && !same(*system_, values)) {
+      return error("PO105", "a second MSYS, which lies elsewhere than the one before: its coordinates are others",
+                   s.spot, "post the operations of each system by themselves, or all in one system");
+    }
+    system_ = values;
+    if (same(values, kIdentity)) {
+      passed_.emplace(s.word, s.spot.line);
+    } else {
+      note_once("MSYS tells where the coordinates lie in the CAM model; they are taken as those of the workpiece");
+    }
+    return {};
   }
 
   /// A step of this kind with what is in force.
@@ -609,6 +626,71 @@ class Reader {
     return {};
   }
 
+  /// The direction in which CATIA's next arc begins.
+  Status direction(const Statement& s) {
+    POLYPOD_TRY(all_numbers(s));
+    if (s.items.size() != 3)
+      return error("PO103", fmt::format("INDIRV with {} numbers", s.items.size()), s.spot, "give i,j,k");
+    POLYPOD_ASSIGN(k, direction_of(s, 0, "the direction"));
+    direction_ = k;
+    return {};
+  }
+
+  /// CATIA's arc square to the tool: TLON,GOFWD/(CIRCLE/xc,yc,zc,r),ON,(LINE/xc,yc,zc,xe,ye,ze), or
+  /// ...,ON,2,INTOF,(LINE/...). It begins where the tool stands, in the direction of INDIRV, and ends at the second
+  /// point of the line, which is where this line meets the circle first; with 2,INTOF the second time, for it has
+  /// passed the opposite point before.
+  Status catia_arc(const Statement& s) {
+    const auto form = [&] {
+      return error("PO110", "an arc that is not TLON,GOFWD/(CIRCLE/xc,yc,zc,r),ON,(LINE/xc,yc,zc,xe,ye,ze)", s.spot,
+                   "post arcs so, with 2,INTOF where they are longer than half a turn, or as points");
+    };
+    const bool second = s.items.size() == 15;
+    if (!second && s.items.size() != 13) return form();
+    const std::size_t line = second ? 8 : 6;
+    const auto word = [&](std::size_t i, std::string_view text) { return s.items[i].text == text; };
+    if (!word(0, "CIRCLE") || !word(5, "ON") || !word(line, "LINE") || (second && (!word(6, "2") || !word(7, "INTOF"))))
+      return form();
+    for (std::size_t i = 1; i < s.items.size(); ++i) {
+      if (i != 5 && i != line && !(second && i == 7) && !s.items[i].number) return form();
+    }
+    if (arc_) return error("PO110", "CIRCLE before TLON", s.spot, "give the end of the first arc");
+    if (cycle_) return error("PO110", "an arc within a cycle", s.spot, "switch the cycle off with CYCLE/OFF");
+    if (!known_) return error("PO110", "an arc from an unknown point", s.spot, "give FROM/... or a GOTO before it");
+    if (!direction_) return error("PO110", "an arc without its direction", s.spot, "give INDIRV/i,j,k before it");
+    const Vec3 along = *std::exchange(direction_, std::nullopt);
+    POLYPOD_ASSIGN(centre, point_of(s, 1));
+    POLYPOD_ASSIGN(radius, length_of(s.items[4]));
+    POLYPOD_ASSIGN(from, point_of(s, line + 1));
+    POLYPOD_ASSIGN(end, point_of(s, line + 4));
+    if (!(radius > kNothing))
+      return error("PO110", "a circle without a radius", s.items[4].spot, "give a radius above 0");
+    if ((from - centre).norm() > kRadiusOff)
+      return error("PO110", "the line to the end of the arc does not begin in its centre", s.items[line].spot,
+                   "post arcs as points");
+    constexpr double kSquare = 0.02;  // rad: directions have five digits, radii are short
+    const Vec3 out = now_.tip - centre, normal = out.cross(along);
+    if (!(std::abs(out.normalized().dot(along)) < kSquare) || !(normal.norm() > 0) ||
+        !(normal.normalized().cross(now_.axis).norm() < kSquare)) {
+      return error("PO110", "an arc that does not begin along its circle, or is not square to the tool's axis", s.spot,
+                   "check INDIRV and the GOTO before it; post other arcs as points");
+    }
+    const Vec3 axis = (normal.dot(now_.axis) > 0 ? 1 : -1) * now_.axis;
+    const Vec3 a = out - out.dot(axis) * axis, b = end - centre - (end - centre).dot(axis) * axis;
+    double sweep = std::atan2(axis.dot(a.cross(b)), a.dot(b));
+    if (sweep < kFullTurn) sweep += 2 * std::numbers::pi;
+    constexpr double kHalf = 1e-3;  // rad: half a turn is both
+    if (second ? sweep < std::numbers::pi - kHalf : sweep > std::numbers::pi + kHalf) {
+      return error("PO110",
+                   fmt::format("an arc of {:.1f} deg {}", units::to_deg(sweep),
+                               second ? "whose end is the second place where its line meets the circle"
+                                      : "whose end is the first place where its line meets the circle"),
+                   s.spot, "an arc ends at its line's second point; check INDIRV, and 2,INTOF of long arcs");
+    }
+    arc_ = Arc{centre, axis, radius, s.spot};
+    return move_to(end, now_.axis, s.spot);
+  }
+
   Status multax(const Statement& s) {
     if (s.items.size() > 1 || (s.items.size() == 1 && s.items[0].text != "ON" && s.items[0].text != "OFF")) {
       return error("PO103", "MULTAX: neither ON nor OFF", s.spot, "write MULTAX/ON or MULTAX/OFF");
@@ -764,6 +846,8 @@ class Reader {
   Vec3 home_axis_ = Vec3::UnitZ();
   Vec3 cl_point_ = Vec3::Zero();  // of the last GOTO, FROM, GODLTA or GOHOME: where GODLTA counts from
   std::optional<Arc> arc_;
+  std::optional<Vec3> direction_;              ///< of INDIRV
+  std::optional<std::vector<double>> system_;  ///< of MSYS
   std::optional<Cycle> cycle_;
   std::map<std::string, int> passed_;
 };

@@ -74,6 +74,57 @@ TEST(Cl, ArcsTurnCounterclockwiseAboutTheirAxis) {
   EXPECT_EQ(id_of(post::parse_cl(head + "1,10\nFINI\n", "t")), "PO110") << "no end";
 }
 
+// TLON,GOFWD/(CIRCLE/centre,r),ON[,2,INTOF],(LINE/centre,end) with the direction of INDIRV, square to the tool.
+TEST(Cl, ArcsAsCatiaWritesThem) {
+  const std::string head = "UNITS/MM\nFROM/30,20,-1\nFEDRAT/100\nAUTOPS\nINDIRV/0.00000,1.00000,0.00000\n",
+                    circle = "TLON,GOFWD/ (CIRCLE/ 20.00000, 20.00000, -1.00000,$\n 10.00000),ON",
+                    line = "(LINE/ 20.00000, 20.00000, -1.00000,$\n ";
+  const post::Path quarter = read(head + circle + "," + line + "20.0, 30.0, -1.0)\nFINI\n");
+  ASSERT_EQ(quarter.steps.size(), 2u);
+  const post::Step& arc = quarter.steps[1];
+  EXPECT_EQ(arc.kind, StepKind::arc);
+  EXPECT_NEAR(arc.sweep, std::numbers::pi / 2, 1e-12);
+  EXPECT_TRUE(arc.normal.isApprox(Vec3(0, 0, 1), 1e-12));
+  EXPECT_TRUE(arc.centre.isApprox(Vec3(0.020, 0.020, -0.001), 1e-12));
+  EXPECT_TRUE(arc.tip.isApprox(Vec3(0.020, 0.030, -0.001), 1e-12));
+  const post::Path three = read(head + circle + ",2,INTOF,$\n" + line + "20.0, 10.0, -1.0)\nFINI\n");
+  EXPECT_NEAR(three.steps[1].sweep, 1.5 * std::numbers::pi, 1e-12);
+  const post::Path full = read(head + circle + ",2,INTOF," + line + "30.0, 20.0, -1.0)\nFINI\n");
+  EXPECT_NEAR(full.steps[1].sweep, 2 * std::numbers::pi, 1e-12);
+  for (const char* half : {"", ",2,INTOF"}) {  // half a turn is both
+    const post::Path path = read(head + circle + half + "," + line + "10.0, 20.0, -1.0)\nFINI\n");
+    EXPECT_NEAR(path.steps[1].sweep, std::numbers::pi, 1e-12) << half;
+  }
+  // Clockwise, about a tool that leans.
+  const post::Path leans = read(
+      "UNITS/MM\nMULTAX/ON\nFROM/10,0,0,0,0.6,0.8\nFEDRAT/100\nINDIRV/0,-0.8,0.6\nTLON,GOFWD/(CIRCLE/0,0,0,10),ON,"
+      "(LINE/0,0,0,-10,0,0)\nFINI\n");
+  EXPECT_TRUE(leans.steps[1].normal.isApprox(Vec3(0, -0.6, -0.8), 1e-12));
+  const std::string quarter_end = "," + line + "20.0, 30.0, -1.0)\n";
+  for (const std::string& bad : {
+           head + circle + ",2,INTOF" + quarter_end,                        // the first, called the second
+           head + circle + "," + line + "20.0, 10.0, -1.0)\n",              // the second, called the first
+           head + circle + ",2" + quarter_end,                              // neither
+           head + "INDIRV/1,0,0\n" + circle + quarter_end,                  // not along the circle
+           head + "INDIRV/0,0.8,0.6\n" + circle + quarter_end,              // not square to the tool
+           head + circle + ",(LINE/ 0,0,0, 20.0, 30.0, -1.0)\n",            // the line of another centre
+           head + "TLON,GOFWD/(CIRCLE/20,20,-1,0),ON" + quarter_end,        // no radius
+           "UNITS/MM\nFROM/30,20,-1\nFEDRAT/100\n" + circle + quarter_end,  // no direction
+           head + circle + quarter_end + circle + quarter_end,              // one direction, two arcs
+           "UNITS/MM\nFEDRAT/100\nINDIRV/0,1,0\n" + circle + quarter_end,   // from nowhere
+       })
+    EXPECT_EQ(id_of(post::parse_cl(bad, "t")), "PO110") << bad;
+}
+
+/// Operations of NX that lie in different systems would be cut in one place.
+TEST(Cl, OneSystemOfCoordinatesAFile) {
+  const std::string one = "MSYS/0,0,0,1,0,0,0,1,0\nRAPID\nGOTO/0,0,50\n", other = "MSYS/100,20,0,0,1,0,-1,0,0\n";
+  EXPECT_EQ(read("UNITS/MM\n" + one + one + "FINI\n").steps.size(), 2u);
+  EXPECT_EQ(id_of(post::parse_cl("UNITS/MM\n" + one + other + "GOTO/0,0,0\n", "t")), "PO105");
+  EXPECT_THAT(read("UNITS/MM\n" + other + "RAPID\nGOTO/0,0,50\n" + other + "RAPID\nGOTO/0,0,60\nFINI\n").notes,
+              ::testing::Contains(::testing::HasSubstr("MSYS tells where the coordinates lie")));
+}
+
 TEST(Cl, DrillsAlongTheToolAxis) {
   const post::Path path = read(
       "UNITS/MM\nMULTAX/ON\nRAPID\nGOTO/0,0,50,0.6,0,0.8\nCYCLE/DRILL,DEPTH,10,MMPM,120,CLEAR,2\n"
