@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 
@@ -89,21 +90,44 @@ Plunge HeldBack::judge(std::size_t i, const End& end, double tube) const {
   return out;
 }
 
+namespace {
+
+bool has(const gcode::Block& block, char letter, double value) {
+  return std::any_of(block.words.begin(), block.words.end(),
+                     [&](const gcode::Word& w) { return w.letter == letter && w.value == value; });
+}
+template <std::size_t N>
+bool has_any_m(const gcode::Block& block, const std::array<int, N>& codes) {
+  return std::any_of(block.words.begin(), block.words.end(), [&](const gcode::Word& w) {
+    return w.letter == 'M' && std::find(codes.begin(), codes.end(), w.value) != codes.end();
+  });
+}
+/// Whether the tool may stand, for as long as nobody knows, at a word that is carried out before the motion of its
+/// block: a spindle that starts, changes or stops, a tool change, an input that is waited for.
+bool may_stand_before(const gcode::Block& block) {
+  return has_any_m(block, std::array{3, 4, 5, 6, 19}) || (has(block, 'M', 66) && !has(block, 'L', 0));
+}
+/// The same behind the motion: a stop.
+bool may_stand_behind(const gcode::Block& block) {
+  return has_any_m(block, std::array{0, 1, 60});
+}
+
+}  // namespace
+
 Dwell dwell_after(const LongVector<gcode::Move>& moves, const gcode::Program& lines, std::size_t i) {
-  const auto from = static_cast<std::size_t>(moves[i].block) + 1;
+  const auto own = static_cast<std::size_t>(moves[i].block);
   std::size_t next = i + 1;
   while (next < moves.size() && !(moves[next].length() > 0)) ++next;
   const std::size_t to = next < moves.size() ? static_cast<std::size_t>(moves[next].block) : lines.blocks.size();
   Dwell dwell;
-  for (std::size_t b = from; b < to; ++b) {
+  constexpr double kAnyTime = 1;  // s: how long is not known, so none of it is certain
+  if (to != own && may_stand_behind(lines.blocks[own])) dwell.possible += kAnyTime;
+  for (std::size_t b = own + 1; b <= to && b < lines.blocks.size(); ++b) {
     const gcode::Block& block = lines.blocks[b];
-    if (block.after_end) break;
-    const auto has = [&](char letter, double value) {
-      return std::any_of(block.words.begin(), block.words.end(),
-                         [&](const gcode::Word& w) { return w.letter == letter && w.value == value; });
-    };
-    if (has('M', 5) || has('M', 2) || has('M', 30)) break;
-    if (!has('G', 4)) continue;
+    if (block.after_end || has(block, 'M', 2) || has(block, 'M', 30)) break;
+    if (may_stand_before(block) || (b < to && may_stand_behind(block))) dwell.possible += kAnyTime;
+    if (has(block, 'M', 5)) break;  // no tooth cuts any more
+    if (!has(block, 'G', 4)) continue;
     for (const gcode::Word& w : block.words) {
       if (w.letter != 'P') continue;
       dwell.possible += w.value;

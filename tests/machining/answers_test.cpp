@@ -136,6 +136,30 @@ TEST(Answers, ADwellCutsWhatIsHeldBack) {
   EXPECT_EQ(correct(with_text(hole("250", "M5\nG4 P0.5\nM3\n"))).after.plunges.size(), 1u);
 }
 
+/// The tool stands at a stop, an input that is waited for and a spindle that starts or stops, for a time that nobody
+/// knows: a correction goes back to the programmed end before each, as before a dwell, and no plunge counts as cut out.
+TEST(Answers, StopsInACutAreRests) {
+  const auto groove = [](const std::string& end, const std::string& between) {
+    auto e = with_text("G21 G90 G17 G94 G64 P0.01\nT1 M6\nS8000 M3\nG0 X-10 Y30 Z5\nZ-2\nG1 X40 F1500" + end + "\n" +
+                       between + "X70\nG0 Z5\nM30\n");
+    e.job.tolerance = 60e-6;
+    return e;
+  };
+  const auto goes_back = [](const Example& e) {
+    const auto c = correct(e);
+    EXPECT_TRUE(c.rounds > 0);
+    return c.text().find("X40.0000 Y30.0000 Z-2.0000") != std::string::npos;
+  };
+  EXPECT_FALSE(goes_back(groove("", "")));
+  for (const char* rest :
+       {"G4 P1\n", "M0\n", "M1\n", "M60\n", "M66 P0 L3 Q5\n", "M5\nM3\n", "S6000 M3\n", "T1 M6\nM3\n"})
+    EXPECT_TRUE(goes_back(groove("", rest))) << rest;
+  EXPECT_TRUE(goes_back(groove(" M0", "")));
+  EXPECT_FALSE(goes_back(groove("", "M66 P0 L0\n"))) << "no wait";
+  EXPECT_FALSE(goes_back(groove("", "M8\n")));
+  EXPECT_EQ(correct(with_text(hole("250", "M0\n"))).after.plunges.size(), 1u);
+}
+
 /// A dwell is at least one revolution, so that every tooth has passed, however little is held back.
 TEST(Answers, TheAdvisedDwellIsARevolutionAtLeast) {
   auto e = with_text(hole("250", ""));
