@@ -52,12 +52,14 @@ Status begin_in(const std::string& branch, const gcode::Interpretation& interpre
   // Where there is none at all the program is out of reach, which is said with its line.
   if (names.empty() && branch.empty()) return {};
   if (std::find(names.begin(), names.end(), job.posture) != names.end()) return {};
-  return fail(
-      "AP123",
-      fmt::format("{} {}: there is no such posture within the limits at the start",
-                  branch.empty() ? "the posture of the job," : "--branch", job.posture),
-      {branch.empty() ? job.path : ""},
-      names.empty() ? "`polypod ik` lists those of a pose" : fmt::format("there are {}", fmt::join(names, ", ")));
+  return fail("AP123",
+              fmt::format("{} {}: there is no such posture within the limits at the start",
+                          branch.empty() ? "the posture of the job," : "--branch", job.posture),
+              {branch.empty() ? job.path : ""},
+              !names.empty()                          ? fmt::format("there are {}", fmt::join(names, ", "))
+              : job.posture.rfind("numeric-", 0) == 0 ? "solutions of a search have numbers at one pose, no names "
+                                                        "along a path: give the job the `start_joints` of one"
+                                                      : "`polypod ik` lists those of a pose");
 }
 
 Status read_other_position(Input& in) {

@@ -250,14 +250,19 @@ Command place_command() {
         if (!o->dynamics.empty()) inputs.push_back(o->dynamics);
         POLYPOD_TRY(check_files(inputs, {o->report}, context.json));
         POLYPOD_ASSIGN(in, read_input(context, o->program, o->job, o->measured));
-        if (!o->branch.empty()) {  // at the start it may be out of reach
+        if (!o->branch.empty()) in.job.posture = o->branch;
+        // At the start it may be out of reach. Joints to start from have their posture already.
+        if (const std::string& asked = in.job.posture;
+            !asked.empty() && (in.job.start_joints.empty() || !o->branch.empty())) {
           const std::vector<std::string> known = kinematics::all_postures(in.job.machine);
-          if (std::find(known.begin(), known.end(), o->branch) == known.end()) {
-            return fail("AP123", fmt::format("--branch {}: this machine has no such posture", one_line(o->branch)), {},
+          if (std::find(known.begin(), known.end(), asked) == known.end()) {
+            return fail("AP123",
+                        fmt::format("{} {}: this machine has no such posture",
+                                    o->branch.empty() ? "the posture of the job," : "--branch", one_line(asked)),
+                        {o->branch.empty() ? o->job : ""},
                         known.empty() ? "it has one posture, or its postures have no names: leave it out"
                                       : fmt::format("there are {}", fmt::join(known, ", ")));
           }
-          in.job.posture = o->branch;
         }
         POLYPOD_TRY(machining::set_up(in.job, in.program, in.interpretation));
         POLYPOD_TRY(o->weight.prepare(in.job, o->dynamics, context));

@@ -197,9 +197,11 @@ Result<bool> take_hold(const std::optional<Header>& header, const post::Path& pa
                    "leave --config out, or correct the program of the CAM system with a machine file that locks the "
                    "same joint");
   }
-  if (!header->posture.empty() && !o.branch.empty() && o.branch != header->posture) {
-    return refused(fmt::format("{} for the posture {}, not for --branch {}", was, header->posture, o.branch),
-                   std::string("leave --branch out; for another posture: ") + kCorrectForPosture);
+  if (!header->posture.empty() && !p.branch.empty() && p.branch != header->posture) {
+    const char* from = o.branch.empty() ? "the posture of the job," : "--branch";
+    return refused(fmt::format("{} for the posture {}, not for {} {}", was, header->posture, from, p.branch),
+                   fmt::format("leave {} out; for another posture: {}",
+                               o.branch.empty() ? "`branch` of the job" : "--branch", kCorrectForPosture));
   }
   if (header->c && context.given("--c")) {
     constexpr double kWritten = units::from_deg(1e-4);  // a header has as many digits
@@ -286,7 +288,8 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
   p.axis_tolerance = units::from_deg(o.axis_tolerance);
   p.turn_speed = units::from_per_min(units::from_deg(o.turn_speed));
   p.rapid_speed = units::from_mm_per_min(o.rapid);
-  p.branch = o.branch;
+  // Joints that the command line gives say the posture themselves.
+  p.branch = o.branch.empty() && !context.given("--start-joints") ? job.posture : o.branch;
   POLYPOD_ASSIGN(speeds, by_joint(o.joint_speeds, "--joint-speeds", configuration.machine, job.joint_speeds));
   for (const double speed : speeds) {
     if (speed > 0) continue;
@@ -324,12 +327,14 @@ std::set<int> not_judged(const post::Path& path) {
 }
 
 /// The answer where the plan has no problems, with what could not be judged or is left out.
-std::string yes(const post::Path& path, const machine::AnyMachine& machine) {
+std::string yes(const post::Path& path, const machine::AnyMachine& machine, bool without_speeds) {
   const std::set<int> unknown = not_judged(path);
   const bool assumed = machine::limits_are_assumed(machine);
-  std::string out = fmt::format("yes{}: every move is within reach and limits",
-                                unknown.empty() && !assumed ? "" : ", apart from what was not judged");
+  std::string out =
+      fmt::format("yes{}: every move is within reach and limits",
+                  unknown.empty() && !assumed && !without_speeds ? "" : ", apart from what was not judged");
   if (assumed) out += fmt::format("; not judged: limits of the joints, {}", machine::kAssumedLimits);
+  if (without_speeds) out += "; not judged: speeds of joints, see the notes";
   if (!unknown.empty())
     out += fmt::format("; not judged: the {} {}, see the notes", unknown.size() == 1 ? "way of line" : "ways of lines",
                        fmt::join(unknown, ", "));
@@ -413,6 +418,7 @@ struct Answer {
   const post::Written& written;
   bool writes;  ///< whether the program was written to its file
   std::vector<std::string> notes;
+  bool without_speeds;  ///< of some joints no largest speed is known
 };
 
 Json joint_ranges_json(const Answer& answer) {
@@ -490,7 +496,7 @@ void print_answer(const Options& o, const Answer& answer) {
     fmt::print("  and {} more (--json lists all)\n", plan.problems.size() - kShownProblems);
   for (const std::string& note : answer.notes) fmt::print("note: {}\n", note);
   if (plan.ok()) {
-    fmt::print("{}\n", yes(answer.path, answer.configuration.unlocked));
+    fmt::print("{}\n", yes(answer.path, answer.configuration.unlocked, answer.without_speeds));
   } else if (answer.writes) {
     fmt::print("no: the machine cannot take every move\n");
   } else {
@@ -531,8 +537,8 @@ Command post_command() {
             "for programs that command C");
         a.option(
             "--branch", o->branch,
-            "Posture at the first point (default: that of a corrected program, else the first in which the program "
-            "fits)");
+            "Posture at the first point (default: that of a corrected program, else that of the job, else the first in "
+            "which the program fits)");
         a.option(
             "--joint-speeds", o->joint_speeds,
             "Largest speed of each joint that moves, deg/s (mm/s): no cut may need more (default: those of the job, "
@@ -623,7 +629,13 @@ Command post_command() {
         if (!not_known.empty()) notes.push_back(not_known);
         const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc, plan_with.joint_speeds);
         notes.insert(notes.end(), own.begin(), own.end());
-        const Answer answer{configuration, path, plan, written, writes, std::move(notes)};
+        const Answer answer{configuration,
+                            path,
+                            plan,
+                            written,
+                            writes,
+                            std::move(notes),
+                            !machining::without_speed(plan_with.joint_speeds).empty()};
         if (context.json)
           print_json(answer_json(*o, answer));
         else

@@ -6,6 +6,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <variant>
+
+#include "polypod/families/serial/kinematics.hpp"
 
 namespace polypod::kinematics {
 
@@ -33,6 +36,15 @@ std::vector<std::string> postures_of(const AnyMachine& machine, const InverseRes
 }
 
 std::vector<std::string> all_postures(const AnyMachine& machine) {
+  if (const auto* arm = std::get_if<machine::SerialArm>(&machine); arm != nullptr && has_closed_inverse(*arm)) {
+    constexpr unsigned kMost = 8;
+    std::vector<std::string> out;
+    for (unsigned branch = 0; branch < kMost; ++branch) {
+      std::string name = branch_name(*arm, branch);
+      if (std::find(out.begin(), out.end(), name) == out.end()) out.push_back(std::move(name));
+    }
+    return out;
+  }
   JointVector q(joint_count(machine));
   for (Eigen::Index i = 0; i < q.size(); ++i) {
     const machine::JointRange range = joint_range(machine, static_cast<int>(i));

@@ -42,10 +42,8 @@ void add_name(std::vector<std::string>& names, std::string name) {
 /// All branches of an arm with a closed inverse; of another machine none, for they depend on the pose.
 std::vector<std::string> branches_of(const machine::AnyMachine& machine) {
   const auto* arm = std::get_if<machine::SerialArm>(&machine);
-  std::vector<std::string> out;
-  for (unsigned branch = 0; arm != nullptr && machine::has_closed_inverse(*arm) && branch < kClosedBranches; ++branch)
-    out.push_back(kinematics::branch_name(machine, branch));
-  return out;
+  return arm != nullptr && machine::has_closed_inverse(*arm) ? kinematics::all_postures(machine)
+                                                             : std::vector<std::string>{};
 }
 
 bool is_a_branch(const machine::AnyMachine& machine, const std::string& name) {

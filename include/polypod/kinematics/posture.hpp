@@ -17,8 +17,9 @@ const Solution* reachable_in(const AnyMachine& machine, const InverseResult& inv
 /// have no names.
 std::vector<std::string> postures_of(const AnyMachine& machine, const InverseResult& inverse);
 
-/// The names of all postures that the machine has beside the middle of its joints' ranges, those beyond the limits too;
-/// empty where its inverse names none. Cost: one forward and one inverse.
+/// The names of all postures: of arms with a closed inverse those of its branches, of others those that the machine has
+/// beside the middle of its joints' ranges, beyond the limits too; empty where its inverse names none. Cost: one
+/// forward and one inverse.
 std::vector<std::string> all_postures(const AnyMachine& machine);
 
 /// The posture in which the joints q (rad or m) stand; empty where the inverse does not give them back, or does not
