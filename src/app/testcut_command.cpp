@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "messages.hpp"
 #include "polypod/core/csv.hpp"
@@ -68,7 +69,7 @@ constexpr const char* kColumns =
 std::string sheet_of(const TestCut& cut, const std::vector<double>& predicted) {
   const TestCutPlan& plan = cut.plan;
   std::string out =
-      "# Measure the boss along `axis` through x, y at the height z (in W), and write the size into measured_mm;\n"
+      "# Measure the boss along `axis` through x, y at the height z (in G54), and write the size into measured_mm;\n"
       "# the standard uncertainty of the reading into sigma_um, or give it once: --sigma-um. Rows without a size are\n"
       "# left out. The columns after these say how the boss was cut; leave them as they are.\n";
   out += std::string(kColumns) + '\n';
@@ -116,7 +117,7 @@ Result<int> write_program(const Context& context, const Options& o) {
                 {"notes", notes}});
     return kDone;
   }
-  fmt::print("clamp   a block from X{:g} Y{:g} Z{:g} to X{:g} Y{:g} Z0 mm (in W, top at Z0)\n", to_mm(low.x()),
+  fmt::print("clamp   a block from X{:g} Y{:g} Z{:g} to X{:g} Y{:g} Z0 mm (in G54, top at Z0)\n", to_mm(low.x()),
              to_mm(low.y()), to_mm(low.z()), to_mm(high.x()), to_mm(high.y()));
   fmt::print("cut     {} with F{:.0f}, S{:.0f}, {:g} mm deep\n", one_line(o.output),
              units::to_mm_per_min(cut.plan.feed), units::to_per_min(cut.plan.spindle_speed), to_mm(cut.plan.depth));
@@ -140,6 +141,7 @@ Result<int> write_program(const Context& context, const Options& o) {
 struct Sheet {
   TestCut cut;
   std::vector<TestCutReading> readings;
+  std::vector<std::optional<double>> predicted;  ///< m, of each reading, when the program was written
 };
 
 Result<Sheet> read_sheet(const Job& job, const std::string& path, double sigma) {
@@ -198,7 +200,12 @@ Result<Sheet> read_sheet(const Job& job, const std::string& path, double sigma) 
     if (!(row_sigma > 0)) {
       return fail("AP262", fmt::format("sigma_um {:g}", row_sigma), table.place_of(row), "give a number above 0");
     }
-    for (const char* unused : {"x_mm", "y_mm", "z_mm", "predicted_mm"}) (void)table.text(row, unused);
+    for (const char* unused : {"x_mm", "y_mm", "z_mm"}) (void)table.text(row, unused);
+    std::optional<double> predicted;
+    if (!table.text(row, "predicted_mm").empty()) {
+      POLYPOD_ASSIGN(value, table.number(row, "predicted_mm"));
+      predicted = from_mm(value);
+    }
     if (table.text(row, "measured_mm").empty()) continue;
     POLYPOD_ASSIGN(size, table.number(row, "measured_mm"));
     constexpr double kFar = 2;  // mm: no bend of a tool
@@ -207,6 +214,7 @@ Result<Sheet> read_sheet(const Job& job, const std::string& path, double sigma) 
                   table.place_of(row), "sizes are in mm, and within 2 mm of what was programmed");
     }
     out.readings.push_back({static_cast<std::size_t>(step - steps.begin()), from_mm(size), units::from_um(row_sigma)});
+    out.predicted.push_back(predicted);
   }
   POLYPOD_TRY(table.unused());
   return out;
@@ -217,7 +225,20 @@ struct Told {
   TestCutFit fit;
   std::optional<Factor> compliance, force;  ///< where known forces tell them apart
   machining::Factors factors;
+  double other_job =
+      0;  ///< m, how far the job's sizes are from those that the sheet foretold; 0 where they are the same
 };
+
+/// Whether the sheet was foretold by this job as it is now: the largest difference of a size, m.
+Result<double> off_the_sheet(const Job& job, const Sheet& sheet) {
+  constexpr double kSame = units::from_um(0.5);  // the sheet has four digits behind the point of mm
+  POLYPOD_ASSIGN(now, machining::predicted_sizes(job, sheet.cut, 1));
+  double most = 0;
+  for (std::size_t i = 0; i < sheet.readings.size(); ++i) {
+    if (sheet.predicted[i]) most = std::max(most, std::abs(now[sheet.readings[i].step] - *sheet.predicted[i]));
+  }
+  return most > kSame ? most : 0.0;
+}
 
 Result<Told> tell(const Context& context, const Options& o, const Job& job, const Sheet& sheet) {
   Told out;
@@ -225,6 +246,8 @@ Result<Told> tell(const Context& context, const Options& o, const Job& job, cons
   POLYPOD_ASSIGN(fit, machining::fit_test_cut(job, sheet.cut, sheet.readings, progress));
   progress(1);
   out.fit = std::move(fit);
+  POLYPOD_ASSIGN(other_job, off_the_sheet(job, sheet));
+  out.other_job = other_job;
   if (!o.displacements.empty()) {
     POLYPOD_ASSIGN(read, statics::read_displacements(o.displacements));
     POLYPOD_ASSIGN(compliance, machining::compliance_factor(job, read.points));
@@ -247,8 +270,9 @@ std::string answer(const Told& t) {
   if (t.fit.no) return "no: " + *t.fit.no;
   const Factor& p = t.fit.product;
   const bool same = std::abs(p.value - 1) < 2 * p.uncertainty;
-  return fmt::format("yes: the tool deflects {:.2f} times as much as the job predicts{}", p.value,
-                     same ? ", which is 1 within its uncertainty" : "");
+  return fmt::format("yes: the tool deflects {:.2f} times as much as the job predicts{}{}", p.value,
+                     same ? ", which is 1 within its uncertainty" : "",
+                     t.other_job > 0 ? "; the job is not as it was when the sheet was written" : "");
 }
 
 Json answer_json(const Told& t, const Sheet& sheet) {
@@ -278,6 +302,7 @@ Json answer_json(const Told& t, const Sheet& sheet) {
           {"chi_squared", fit.chi_squared},
           {"chi_squared_99", fit.chi_squared_99},
           {"degrees_of_freedom", fit.freedom},
+          {"off_the_sheet_um", to_um(t.other_job)},
           {"sizes", sizes},
           {"factors", told ? Json{{"force", t.factors.force},
                                   {"force_uncertainty", t.factors.force_uncertainty},
@@ -306,6 +331,12 @@ void print_answer(const Told& t, const Sheet& sheet) {
   fmt::print("cutter      {:+.0f} um larger than in the job, standard uncertainty {:.0f} um\n",
              to_um(fit.diameter.value), to_um(fit.diameter.uncertainty));
   fmt::print("{}\n", answer(t));
+  if (t.other_job > 0) {
+    fmt::print(
+        "note: the job predicts sizes up to {:.1f} um off the predicted_mm of the sheet: another machine, material or "
+        "place than when the program was written. The factor is that of the job as it is now\n",
+        to_um(t.other_job));
+  }
   if (!t.fit.no && !t.compliance) {
     fmt::print(
         "note: sizes give the product alone; it is written as the factor of the forces. Deflections follow from "
@@ -370,7 +401,7 @@ Command testcut_command() {
             a.option("--depth", o->depth, {1e-3, 1e3}, "Axial depth, mm (default: a quarter of the diameter)");
             a.option("--widths", o->widths,
                      "Widths of the finishing cut, mm, rising (default: 0.05, 0.2 and 0.5 of the diameter)");
-            a.option("--center", o->center, "x,y of the middle of the boss in W, mm (default: 0,0)");
+            a.option("--center", o->center, "x,y of the middle of the boss in G54, mm (default: 0,0)");
             a.option("--tool", o->tool, {0, 1e5}, "T number of the cutter (default: none, [cutter] of the job)");
             a.option("--measured", o->measured, "The filled sheet: find the factors in place of writing a program");
             a.options("--displacements", o->displacements,

@@ -205,7 +205,8 @@ Result<std::vector<double>> predicted_sizes(const Job& job, const TestCut& cut, 
                                             std::vector<std::string>* notes) {
   Job test = job;
   test.material = scaled_forces(test.material, force);
-  POLYPOD_ASSIGN(stock, cutting::Stock::block(cut.block_min, cut.block_max,
+  const Vec3& g54 = job.work_offsets[0];  // in which the program runs, and the block is clamped
+  POLYPOD_ASSIGN(stock, cutting::Stock::block(cut.block_min + g54, cut.block_max + g54,
                                               cutting::kUsualCell * job.cutter_of(cut.plan.tool).diameter));
   test.stock = std::move(stock);
   POLYPOD_ASSIGN(program, gcode::parse(cut.text, "test cut"));

@@ -16,7 +16,7 @@ struct TestCutPlan {
   double spindle_speed = 0;    ///< rev/s, clockwise
   double depth = 0;            ///< m, axial; 0: a quarter of the diameter
   std::vector<double> widths;  ///< m, of the finishing cut; rising; none: 0.05, 0.2 and 0.5 of the diameter
-  double x = 0, y = 0;         ///< m, of the middle of the boss in W; its top is Z0
+  double x = 0, y = 0;         ///< m, of the middle of the boss in G54; its top is Z0
   int tool = -1;               ///< T number; -1: the cutter of the job
 };
 
@@ -24,7 +24,7 @@ struct TestCutPlan {
 struct TestCutStep {
   char axis = 'x';         ///< along which it is measured
   double width = 0;        ///< m, of the finishing cut on both walls
-  Vec3 at = Vec3::Zero();  ///< m, in W: the middle of the line to measure along, at half depth
+  Vec3 at = Vec3::Zero();  ///< m, in G54: the middle of the line to measure along, at half depth
   double nominal = 0;      ///< m
   int lines[2] = {0, 0};   ///< of the program: where the two walls are finished
 };
@@ -33,7 +33,7 @@ struct TestCut {
   TestCutPlan plan;  ///< with the defaults filled in
   std::string text;  ///< the G-code program
   std::vector<TestCutStep> steps;
-  Vec3 block_min = Vec3::Zero(), block_max = Vec3::Zero();  ///< m, in W: the block to be clamped
+  Vec3 block_min = Vec3::Zero(), block_max = Vec3::Zero();  ///< m, in G54: the block to be clamped
 };
 
 /// A square boss of as many stretches a side as there are widths, each three diameters long. A roughing pass in a slot
