@@ -89,6 +89,7 @@ Result<int> of_machine(const Options& o, const Context& context) {
   page.question.tolerances = o.errors.empty();
   page.question.sizes = std::move(sizes);
   POLYPOD_ASSIGN(survey, o.where.options(m, context));
+  survey.progress = nullptr;  // the page says itself how far it is
   page.survey = std::move(survey);
   constexpr int kLeast = 8;  // of a section
   if (context.given("--resolution")) page.resolution = page.resolution_in_space = std::max(kLeast, o.where.resolution);

@@ -95,7 +95,7 @@ const char* kind_of(const Value& value) {
   }
 }
 
-tl::unexpected<Error> wrong_kind(const std::string& name, const Value& value, const char* wanted) {
+tl::unexpected<Error> wrong_kind(const std::string& name, const Value& value, std::string_view wanted) {
   return fail("CF104", fmt::format("{} is {}, but must be {}", name, kind_of(value), wanted), value.place);
 }
 
@@ -289,12 +289,14 @@ Result<std::vector<std::vector<double>>> Table::points(std::string_view key, std
   const Value* value = find(key);
   if (value == nullptr) return missing(key);
   const auto* rows = std::get_if<Array>(&value->data);
-  if (rows == nullptr) return wrong_kind(full(name_, key), *value, "an array of points");
+  if (rows == nullptr)
+    return wrong_kind(full(name_, key), *value, fmt::format("rows of {} numbers, [[...], [...]]", columns));
   std::vector<std::vector<double>> out;
   for (std::size_t i = 0; i < rows->size(); ++i) {
     const std::string name = fmt::format("{}[{}]", full(name_, key), i + 1);
     const auto* row = std::get_if<Array>(&(*rows)[i].data);
-    if (row == nullptr) return wrong_kind(name, (*rows)[i], "an array of numbers");
+    if (row == nullptr)
+      return wrong_kind(name, (*rows)[i], fmt::format("a row of {} numbers, as in [[...], [...]]", columns));
     if (row->size() != columns) {
       return fail("CF107", fmt::format("{} has {} numbers, but must have {}", name, row->size(), columns),
                   (*rows)[i].place);

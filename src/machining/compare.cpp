@@ -257,6 +257,7 @@ class Comparison {
     options.method = method == Method::mirror ? CorrectMethod::mirror : CorrectMethod::tube;
     options.mirror_points = options_.mirror_points;
     options.again = options_.again;
+    options.remedies = false;
     options.progress = options_.progress;
     const auto begin = Clock::now();
     POLYPOD_ASSIGN(c, correct(job_, program_, interpretation_, options));
@@ -272,8 +273,7 @@ class Comparison {
     out.rounds = method == Method::mirror ? 1 : c.rounds;
     out.text = c.text();
     if (method == Method::tube) {
-      out.notes.emplace_back(
-          "its time holds its own checks of what it writes, and the search for remedies where it stays outside");
+      out.notes.emplace_back("its time holds its own checks of what it writes");
     }
     return out;
   }

@@ -80,7 +80,7 @@ Result<Correction> correct(const Job& job, const gcode::Program& program, const 
     POLYPOD_ASSIGN(again, corrected(other, &out.before));
     if (closer(again, out)) out = std::move(again);
   }
-  if (!out.within_tolerance && options.method == CorrectMethod::tube && out.remedies.empty()) {
+  if (options.remedies && !out.within_tolerance && options.method == CorrectMethod::tube && out.remedies.empty()) {
     out.remedies = remedies_for(job, program, accepted, options, out);
   }
   POLYPOD_TRY(reach.result(progress));

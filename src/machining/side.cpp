@@ -32,9 +32,8 @@ std::optional<std::string> note_on_side(const machine::AnyMachine& machine) {
   std::optional<double> height = height_above(outline, Role::platform, tip.z());
   if (!height || std::abs(*height) < kNone) height = height_above(outline, Role::fixed, tip.z());
   if (!height || *height > -kNone) return {};
-  return "the platform of this machine is below the tool tip, for z of M points from it to the tip: Z+ of the program "
-         "leads away from the platform, and Z- back to it; where the spindle shall be above the work, write the "
-         "machine file with z of M up";
+  return "z of M points from the platform of this machine to the tool tip: Z+ of the program leads away from the "
+         "platform, and Z- back to it; where Z+ shall lead to the spindle, write z of M the other way";
 }
 
 }  // namespace polypod::machining

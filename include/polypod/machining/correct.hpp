@@ -41,6 +41,7 @@ struct CorrectOptions {
   bool all = false;     ///< also moves that are inside the tube, where it adds no lines
   bool again = false;   ///< see AcceptOptions
   bool verify = false;  ///< look again in cells half as large, at half the step, before it is called within the tube
+  bool remedies = true;  ///< where the tool stays outside, look for what would help: up to some ten corrections more
   bool keep_samples = false;
   bool keep_stock = false;
   const gcode::Understood* other = nullptr;  ///< see PredictOptions
