@@ -3,9 +3,11 @@
 
 #include <Eigen/LU>
 #include <Eigen/QR>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "../families/quick_series.hpp"
@@ -300,6 +302,51 @@ class Solver {
   double pivot_ = 0;
 };
 
+/// K y = r of a chain, through its singular poses too. Along a left singular vector u whose singular value is below
+/// kNearly of the largest, a path that asks for no more than rounding gets nothing: the shortest y, with which joints
+/// that the pose leaves free stand still (a head that swings its tool through the axis of its other joint). A path that
+/// asks for more has no y at the pose itself.
+class ChainSolver {
+ public:
+  explicit ChainSolver(System K) : plain_(K) {
+    constexpr double kNearly = 1e-6;
+    if (!(plain_.pivot() < kNearly)) return;
+    scale_ = scale_rows(K);
+    values_.compute(K, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    nearly_ = (values_.singularValues().array() < kNearly * values_.singularValues()[0]).count();
+  }
+  /// `size`: what r is made of, so that its rounding is known.
+  [[nodiscard]] std::optional<Unknowns> solve(const Unknowns& r, double size) {
+    constexpr double kRounding = 1e-12;
+    if (nearly_ == 0) return plain_.pivot() > kSingular ? std::optional(plain_.solve(r)) : std::nullopt;
+    const Unknowns right = values_.matrixU().transpose() * scale_.cwiseProduct(r);
+    const auto& sigma = values_.singularValues();
+    Unknowns along = Unknowns::Zero(values_.cols());
+    for (Eigen::Index i = 0; i < sigma.size(); ++i) {
+      if (i >= sigma.size() - nearly_) {
+        if (std::abs(right[i]) <= kRounding * std::max(right.norm(), size)) continue;
+        if (!(sigma[i] > kSingular * sigma[0])) return {};
+        passes_ = false;
+      }
+      along[i] = right[i] / sigma[i];
+    }
+    return Unknowns(values_.matrixV() * along);
+  }
+  /// The smallest against the largest; of what it was solved with.
+  [[nodiscard]] double pivot() const {
+    if (nearly_ == 0 || !passes_) return plain_.pivot();
+    const auto& sigma = values_.singularValues();
+    return nearly_ < sigma.size() ? sigma[sigma.size() - 1 - nearly_] / sigma[0] : 0;
+  }
+
+ private:
+  Solver plain_;
+  Unknowns scale_;
+  Eigen::JacobiSVD<System> values_;
+  Eigen::Index nearly_ = 0;
+  bool passes_ = true;
+};
+
 /// Of a chain, whose pose X(q) its joints say: T_X J y_k = -(coefficient k of T(X(q), target) by the lower orders).
 template <class M>
 JointSeries chain_series_of(const M& m, const PoseSeries& target, const Pose& at, const JointVector& q) {
@@ -309,20 +356,22 @@ JointSeries chain_series_of(const M& m, const PoseSeries& target, const Pose& at
   const auto rates = task_equations(what, moved_from(0, at), value_of(target).cast<Dual>(), at, 0);
   System K(rates.size(), q.size());
   for (int i = 0; i < rates.size(); ++i) K.row(i) = rates[i].v.transpose() * J;
-  const Solver solver(K);
+  ChainSolver solver(K);
   JointSeries out;
   out.q = q;
   out.X = at.cast<Series>();
-  out.pivot = solver.pivot();
-  out.regular = out.pivot > kSingular;
+  out.regular = true;
+  double rate = 0;  // of the joints
   machine::JointVectorT<Series> joints = q.cast<Series>();
   for (int order = 1; order <= Series::kOrder && out.regular; ++order) {
     if (order > 1) out.X = chain(m, std::span<const Series>(joints.data(), joints.size()), std::span(p));
     const auto T = task_equations(what, out.X, target, at, 0);
     Unknowns r(T.size());
     for (int i = 0; i < T.size(); ++i) r[i] = -T[i][order];
-    const Unknowns y = solver.solve(r);
-    out.regular = y.allFinite();
+    const std::optional<Unknowns> solved = solver.solve(r, std::pow(rate, order));
+    out.regular = solved && solved->allFinite();
+    const Unknowns y = out.regular ? *solved : Unknowns(Unknowns::Zero(q.size()));
+    if (order == 1) rate = y.norm();
     for (Eigen::Index i = 0; i < q.size(); ++i) joints[i][order] = y[i];
     const Vec6 twist = J * y;
     const Mat3 turn = skew(Vec3(twist.tail<3>())) * at.R;
@@ -333,6 +382,7 @@ JointSeries chain_series_of(const M& m, const PoseSeries& target, const Pose& at
   }
   for (int k = 0; k < 3; ++k)
     if (what.holds(static_cast<Coordinate>(k))) out.X.p[k] = target.p[k];  // without the rounding of the system
+  out.pivot = solver.pivot();
   take_derivatives(joints, out);
   return out;
 }

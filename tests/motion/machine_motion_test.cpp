@@ -139,6 +139,54 @@ TEST_P(EveryMachine, DerivativesOfTheDrivesAreThoseOfTheInverse) {
   EXPECT_LT((got.third - other.third).norm(), 1e-7 * (size / (s.size * s.size) + d3.norm()));
 }
 
+/// A fork head that tilts its tool through the axis of its other joint: that one is free where the tool is upright and
+/// stands still, the tilt goes on. Nothing is infinite there, and the least time is that of the tilting joint.
+TEST(SingularPoses, AHeadSwingsItsToolThroughTheAxisOfItsOtherJoint) {
+  const AnyMachine m{test::arm_of(R"(
+family = "serial"
+task = "axis"
+dh = [ {joint="prismatic", alpha_deg=-90}, {joint="prismatic", alpha_deg=-90, theta_offset_deg=-90}, {joint="prismatic"},
+       {alpha_deg=90}, {alpha_deg=-90} ]
+base = { b_deg = 90 }
+tool = { z_mm = 200, a_deg = 180 }
+)")};
+  const double tilt = 0.35;
+  const TargetPose from = target_of(m, {rotation_abc(tilt, 0, 0), Vec3::Zero()}),
+                   to = target_of(m, {rotation_abc(-tilt, 0, 0), Vec3::Zero()});
+  const PosePath path = *pose_path_of({*straight(from, to)});
+  MoveOptions options;
+  options.law = Law::fastest;
+  options.condition = 0;
+  options.limits = {};
+  constexpr double kSpeed = 0.5;
+  options.limits.drive_speed = JointVector::Constant(5, kSpeed);
+  options.limits.drive_acceleration = JointVector::Constant(5, 1e3);
+  options.limits.drive_jerk = JointVector::Constant(5, kNoLimit);
+  options.limits.tool_speed = options.limits.tool_acceleration = options.limits.tool_jerk = kNoLimit;
+  const auto r = move(m, path, options);
+  ASSERT_TRUE(r) << r.error().message;
+  EXPECT_TRUE(r->violations.empty());
+  EXPECT_NEAR(r->time, 2 * tilt / kSpeed, 0.01);
+  for (const MoveSample& s : r->samples) {
+    ASSERT_TRUE(s.regular);
+    EXPECT_LT(std::abs(s.speed[3]), 1e-6);
+    EXPECT_LT(std::abs(s.speed[4]), kSpeed * 1.001);
+  }
+  // A path that bends there turns the free joint too, at a rate that its first order does not say.
+  const auto bent = [&](double second) {
+    const Pose X{Mat3::Identity(), Vec3::Zero()};
+    const Vector3<Series> w(Series(0, 1, 0, 0), Series(0, 0, second, 0), Series(0.0));
+    PoseSeries target = X.cast<Series>();
+    target.R = rotation_series(w) * target.R;
+    const JointVector last = (JointVector(5) << 0, 0, 0, -std::numbers::pi / 2, 0).finished();
+    const JointVector q = kinematics::inverse_near(m, X, last).solutions.front().joints;
+    return joint_series(m, target, kinematics::settled(m, X, q), q);
+  };
+  EXPECT_TRUE(bent(0).regular);
+  EXPECT_NEAR(std::abs(bent(0).first[4]), 1, 1e-12);
+  EXPECT_FALSE(bent(0.3).regular);
+}
+
 /// In the least time: nothing is exceeded at ten thousand instants that are not those of the planner's own check, some
 /// limit is met, the drives' derivatives are those of their positions, and it ends where it should.
 TEST_P(EveryMachine, TheLeastTimeKeepsAllLimitsAndMeetsSome) {
