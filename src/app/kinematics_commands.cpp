@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <functional>
+#include <map>
 #include <memory>
 
 #include "commands.hpp"
@@ -19,6 +20,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/free_joints.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/kinematics/parts.hpp"
@@ -326,6 +328,30 @@ bool singular_at(const machine::AnyMachine& m, const Pose& X, const kinematics::
   return s.singular || kinematics::hold(m, X, s.joints).control < kinematics::kNoHold;
 }
 
+/// Joints as people number them.
+std::vector<int> numbered(std::vector<int> joints) {
+  for (int& joint : joints) ++joint;
+  return joints;
+}
+
+/// Which solutions are examples of a continuum, those together that leave the same joints free.
+void print_open(const std::vector<std::vector<int>>& open) {
+  std::map<std::vector<int>, std::vector<std::size_t>> with;
+  for (std::size_t i = 0; i < open.size(); ++i)
+    if (!open[i].empty()) with[open[i]].push_back(i + 1);
+  for (const auto& [joints, solutions] : with) {
+    constexpr std::size_t kShown = 8;
+    const bool all = solutions.size() == open.size(), one = solutions.size() == 1;
+    const std::string which = all && one ? "the solution is an example"
+                              : all      ? "the solutions are examples"
+                              : one      ? fmt::format("solution {} is an example", solutions.front())
+                              : solutions.size() <= kShown
+                                  ? fmt::format("solutions {} are examples", fmt::join(solutions, ", "))
+                                  : fmt::format("{} of the solutions are examples", solutions.size());
+    fmt::print("{}: {}\n", kinematics::in_words_free(joints), which);
+  }
+}
+
 constexpr const char* kSearched = "found by a search: there may be other solutions";
 
 }  // namespace
@@ -352,6 +378,7 @@ Command ik_command() {
             const bool reachable = result.reachable() != nullptr;
             Json solutions = Json::array();
             const kinematics::Solution* best = nullptr;
+            std::vector<std::vector<int>> open;  // of each solution
             for (const kinematics::Solution& s : result.solutions) {
               if (best == nullptr || std::popcount(s.violations) < std::popcount(best->violations)) best = &s;
               Json entry{{"joints", joints_for_user(m, s.joints)},
@@ -359,6 +386,8 @@ Command ik_command() {
                          {"pose", whole_pose_for_user(kinematics::settled(m, X, s.joints))},
                          {"violations", kinematics::limit_names(m, s.violations)}};
               if (singular_at(m, X, s)) entry["singular"] = true;
+              open.push_back(kinematics::free_joints(m, X, s.joints));
+              if (!open.back().empty()) entry["free_joints"] = numbered(open.back());
               solutions.push_back(entry);
             }
             const bool more = moves_more_than_its_task(m);
@@ -391,6 +420,7 @@ Command ik_command() {
               if (more) {
                 print_whole_pose(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints)));
               }
+              print_open(open);
               if (kinematics::searches(m)) fmt::print("{}\n", kSearched);
               if (!prescribed) fmt::print("{}\n", quality::kNotPrescribed);
             }

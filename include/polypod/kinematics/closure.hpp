@@ -213,17 +213,73 @@ JointVector start_joints(const M& m, int seed) {
   return q;
 }
 
-/// Adds the joints that a search found, in the turn that lies in their ranges if there is one; false if they are known.
+/// The same joints with revolute ones in the turn that lies in their ranges if there is one, else next to zero.
 template <Machine M>
-bool add_solution(const M& m, const Pose& X, JointVector q, std::span<const double> p, InverseResult& out) {
-  constexpr double kSame = 1e-6, kTurn = 2 * std::numbers::pi;
+JointVector in_their_turn(const M& m, JointVector q) {
+  constexpr double kTurn = 2 * std::numbers::pi;
   for (int i = 0; i < q.size(); ++i) {
     if (joint_kind(m, i) != JointKind::revolute) continue;
     const machine::JointRange range = joint_range(m, i);
     q[i] -= kTurn * std::floor((q[i] + std::numbers::pi) / kTurn);
-    if (q[i] > range.max && q[i] - kTurn >= range.min) q[i] -= kTurn;
-    if (q[i] < range.min && q[i] + kTurn <= range.max) q[i] += kTurn;
+    const double down = std::ceil((q[i] - range.max) / kTurn), up = std::ceil((range.min - q[i]) / kTurn);
+    if (down > 0 && q[i] - kTurn * down >= range.min) q[i] -= kTurn * down;
+    if (up > 0 && q[i] + kTurn * up <= range.max) q[i] += kTurn * up;
   }
+  return q;
+}
+
+/// How far each joint lies beyond its range, with the sign of the way back to a point inside it by `inside` of its
+/// width; 0 for joints in their range.
+template <Machine M>
+JointVector way_back(const M& m, const JointVector& q, double inside) {
+  JointVector out = JointVector::Zero(q.size());
+  for (int i = 0; i < q.size(); ++i) {
+    const machine::JointRange range = joint_range(m, i);
+    const double margin = inside * (range.max - range.min);
+    if (q[i] > range.max) out[i] = range.max - margin - q[i];
+    if (q[i] < range.min) out[i] = range.min + margin - q[i];
+  }
+  return out;
+}
+
+/// Moves joints that lie beyond their ranges inside while the tool stays where it is, as far as the joints that it
+/// leaves free allow (the kernel of S J): steps along that kernel, each brought back to the target by Gauss-Newton.
+/// `error_of(q)` is what is missing of the target (S rows), `jacobian_of(q)` is S J. The first order of the way back
+/// falls with each step or the search ends. Returns `q` itself where no joint is beyond its range.
+template <Machine M, class ErrorOf, class JacobianOf>
+JointVector moved_inside(const M& m, JointVector q, double tolerance, ErrorOf&& error_of, JacobianOf&& jacobian_of) {
+  constexpr int kMostSteps = 40, kMostCorrections = 12, kMostHalvings = 4;
+  constexpr double kInside = 1e-3, kSmallest = 1e-9;
+  JointVector back = way_back(m, q, kInside);
+  for (int step = 0; step < kMostSteps && !back.isZero(0); ++step) {
+    const auto J = jacobian_of(q);
+    const JointVector along = back - J.completeOrthogonalDecomposition().solve((J * back).eval());
+    if (!(along.norm() > kSmallest)) break;
+    bool better = false;
+    for (int halving = 0; halving < kMostHalvings && !better; ++halving) {
+      JointVector next = q + along * std::ldexp(1.0, -halving);
+      auto e = error_of(next);
+      for (int k = 0; k < kMostCorrections && e.norm() > tolerance; ++k) {
+        next += jacobian_of(next).completeOrthogonalDecomposition().solve(e);
+        e = error_of(next);
+      }
+      const JointVector left = way_back(m, next, kInside);
+      better = e.norm() <= tolerance && left.norm() < back.norm();
+      if (better) {
+        q = next;
+        back = left;
+      }
+    }
+    if (!better) break;
+  }
+  return q;
+}
+
+/// Adds the joints that a search found, in the turn that lies in their ranges if there is one; false if they are known.
+template <Machine M>
+bool add_solution(const M& m, const Pose& X, JointVector q, std::span<const double> p, InverseResult& out) {
+  constexpr double kSame = 1e-6;
+  q = in_their_turn(m, std::move(q));
   const bool known = std::any_of(out.solutions.begin(), out.solutions.end(),
                                  [&](const Solution& s) { return (s.joints - q).cwiseAbs().maxCoeff() < kSame; });
   if (known) return false;
@@ -297,6 +353,13 @@ InverseResult inverse_damped(const M& m, const Pose& target, Forward&& forward_o
     }
     best = std::min(best, e.norm());
     if (e.norm() > options.tolerance * 100) continue;
+    if (q.size() > S.rows()) {
+      using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 6, machine::kMaxJoints>;
+      q = closure_detail::moved_inside(
+          m, closure_detail::in_their_turn(m, q), options.tolerance * 100,
+          [&](const JointVector& at) { return error(forward_of(at)); },
+          [&](const JointVector& at) { return Rows(S * jacobian_of(forward_of(at), at)); });
+    }
     closure_detail::add_solution(m, target, q, p, out);
   }
   closure_detail::finish(m, best, options.seeds, out);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "polypod/families/serial/cartesian.hpp"
 #include "polypod/families/serial/frames.hpp"
 #include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/geometry/trigonometry.hpp"
@@ -124,6 +125,11 @@ class Rows {
   const SerialArm& arm_;
   double c_[kMaxJoints], s_[kMaxJoints], d_[kMaxJoints];  // as many as there are rows
 };
+
+constexpr int kMostStarts = 96;  // of arms whose task leaves a joint free
+bool leaves_free(const SerialArm& arm) {
+  return arm.free_joints() > arm.task.size();
+}
 
 InverseResult inverse_numerically(const SerialArm& arm, const Pose& X_MT, const kinematics::DampedOptions& options) {
   return kinematics::inverse_damped(
@@ -382,6 +388,7 @@ namespace {
 struct ClosedInverse {
   std::optional<WristInverse> five;
   std::optional<SixJointInverse> six;
+  std::optional<CartesianInverse> cartesian;
 };
 
 bool same_row(const DhRow& a, const DhRow& b) {
@@ -420,6 +427,8 @@ const ClosedInverse& closed_inverse(const SerialArm& arm) {
     closed.six = *pieper;
   } else if (const auto five = WristInverse::of(arm)) {
     closed.five = *five;
+  } else if (const auto cartesian = CartesianInverse::of(arm)) {
+    closed.cartesian = *cartesian;
   }
   known.emplace(arm);
   return closed;
@@ -437,7 +446,8 @@ bool reaches(const SerialArm& arm, const Pose& X_MT, LimitBits heeded) {
   options.max_iterations = 60;
   constexpr int kMostInVain = 8;  // starts from which nothing was found, and nothing by any other
   bool found = false;
-  for (int start = 0; start < options.seeds && (found || start < kMostInVain); ++start) {
+  const int starts = leaves_free(arm) ? kMostStarts : options.seeds;
+  for (int start = 0; start < starts && (found || start < kMostInVain); ++start) {
     options.start = kinematics::closure_detail::start_joints(arm, start);
     const InverseResult there = inverse_numerically(arm, X_MT, options);
     if (there.keeps(heeded)) return true;
@@ -448,7 +458,7 @@ bool reaches(const SerialArm& arm, const Pose& X_MT, LimitBits heeded) {
 
 bool has_closed_inverse(const SerialArm& arm) {
   const ClosedInverse& closed = closed_inverse(arm);
-  return closed.five || closed.six;
+  return closed.five || closed.six || closed.cartesian;
 }
 
 std::string branch_name(const SerialArm& arm, unsigned branch) {
@@ -456,7 +466,9 @@ std::string branch_name(const SerialArm& arm, unsigned branch) {
       "front elbow-up",   "front elbow-up wrist-flipped",   "back elbow-up",   "back elbow-up wrist-flipped",
       "front elbow-down", "front elbow-down wrist-flipped", "back elbow-down", "back elbow-down wrist-flipped"};
   if (branch >= WristInverse::kBranches) return fmt::format("numeric-{}", branch - kinematics::kNumericBranch + 1);
-  const std::optional<SixJointInverse>& six = closed_inverse(arm).six;
+  const ClosedInverse& closed = closed_inverse(arm);
+  if (closed.cartesian) return CartesianInverse::branch_name(branch);
+  const std::optional<SixJointInverse>& six = closed.six;
   const bool numbered = six && std::holds_alternative<PieperInverse>(*six);
   return numbered ? fmt::format("arm-{}{}", branch / 2 + 1, branch % 2 == 0 ? "" : " wrist-flipped") : kNames[branch];
 }
@@ -468,6 +480,22 @@ InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVe
 }
 
 namespace {
+
+/// Where joints are left free and none of the usual starts ends within the limits, further starts until one does.
+InverseResult found_numerically(const SerialArm& arm, const Pose& X_MT) {
+  InverseResult out = inverse_numerically(arm, X_MT, {});
+  if (!out.converged || !leaves_free(arm)) return out;
+  kinematics::DampedOptions options;
+  for (int start = options.seeds; start < kMostStarts && out.reachable() == nullptr; ++start) {
+    options.start = kinematics::closure_detail::start_joints(arm, start);
+    InverseResult there = inverse_numerically(arm, X_MT, options);
+    if (there.reachable() == nullptr) continue;
+    for (kinematics::Solution& s : out.solutions) ++s.branch;  // numbers of a search, in the order of the list
+    out.solutions.insert(out.solutions.begin(), there.solutions.front());
+  }
+  return out;
+}
+
 InverseResult solutions_of(const SixJointInverse& inverse, const Pose& X_MT, const double* reference) {
   return std::visit([&](const auto& form) { return form.solve(X_MT, reference); }, inverse);
 }
@@ -476,6 +504,7 @@ InverseResult solutions_of(const SixJointInverse& inverse, const Pose& X_MT, con
 InverseResult inverse_near(const SerialArm& arm, const Pose& X_MT, const JointVector& last) {
   const ClosedInverse& closed = closed_inverse(arm);
   if (closed.six) return solutions_of(*closed.six, X_MT, last.data());
+  if (closed.cartesian) return closed.cartesian->solve(X_MT, last.data());
   if (closed.five) return inverse(arm, X_MT);
   return inverse_from(arm, X_MT, last);
 }
@@ -506,13 +535,21 @@ std::function<std::optional<JointVector>(const Pose&)> joint_finder(const Serial
       return first < 0 ? Found() : branches.joints[first];
     };
   }
+  if (closed.cartesian) {
+    return [form = *closed.cartesian](const Pose& X_MT) -> Found {
+      const InverseResult found = form.solve(X_MT);
+      const kinematics::Solution* first = found.reachable();
+      return first == nullptr ? Found() : first->joints;
+    };
+  }
   return {};
 }
 
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {
   const ClosedInverse& closed = closed_inverse(arm);
   if (closed.six) return solutions_of(*closed.six, X_MT, nullptr);
-  if (!closed.five) return inverse_numerically(arm, X_MT, {});
+  if (closed.cartesian) return closed.cartesian->solve(X_MT);
+  if (!closed.five) return found_numerically(arm, X_MT);
   InverseResult out;
   out.solutions.reserve(WristInverse::kBranches);
   WristInverse::Branches branches;

@@ -148,12 +148,12 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm,
 ///   solution marked singular;
 /// - six free joints and a spherical wrist, axes 2 and 3 parallel and square to axis 1: SphericalWristInverse;
 /// - six free joints, axes 2, 3 and 4 parallel and square to axis 1, axes 5 and 6 meeting: ThreeParallelInverse;
-/// - six free joints and a spherical wrist, any other first three axes: PieperInverse.
+/// - six free joints and a spherical wrist, any other first three axes: PieperInverse; linear axes: CartesianInverse.
 /// Other arms, and tasks that leave a joint free: inverse_damped. Each solution has its joints in the turn that lies in
 /// their ranges (of several, the one in (-180, 180] deg); inverse_near chooses between several turns.
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT);
 /// `front|back elbow-up|elbow-down [wrist-flipped]` of the closed forms, in the order of WristInverse; `arm-1` to
-/// `arm-4 [wrist-flipped]` of PieperInverse; else "numeric-1"...
+/// `arm-4 [wrist-flipped]` of PieperInverse; `tilt-positive`, `tilt-negative` of CartesianInverse; else "numeric-1"...
 std::string branch_name(const SerialArm& arm, unsigned branch);
 
 /// For pose after pose of one arm with a closed form: the first solution of inverse() within the limits, nothing where

@@ -1,0 +1,24 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// What a pose leaves open: joints that can move while the tool stays where its task wants it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "polypod/kinematics/any_machine.hpp"
+
+namespace polypod::kinematics {
+
+/// The joints (from 0) that can move, alone or together, while the task's coordinates of the pose X_MT stay: those with
+/// a part in the kernel of S J, S the rows of the task (task_jacobian) and J the Jacobian at the joints q of a
+/// solution. Then the solution is one of a continuum, and its joints are an example. Arms with more joints than their
+/// task has coordinates have such joints everywhere; other machines at singular poses of type 1 (a rotary axis along
+/// the tool, a stretched wrist). Lengths of J are taken by the characteristic length of `dexterity`, singular values
+/// below 1e-9 of the largest as 0. Empty of machines with more legs than freedoms, whose joints agree at the machine's
+/// poses alone, and where the drives do not constrain the tool (type 2), where J says nothing. Cost: some 30 us.
+std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q);
+
+/// "joint 5 can move while the tool stays", "joints 4 and 6 can move together while the tool stays"; empty for none.
+std::string in_words_free(const std::vector<int>& joints);
+
+}  // namespace polypod::kinematics

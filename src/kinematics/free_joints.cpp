@@ -1,0 +1,45 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/kinematics/free_joints.hpp"
+
+#include <fmt/format.h>
+
+#include <Eigen/SVD>
+
+#include "polypod/kinematics/hold.hpp"
+#include "polypod/kinematics/surplus.hpp"
+
+namespace polypod::kinematics {
+
+std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q) {
+  constexpr double kNone = 1e-9, kPart = 1e-6;
+  if (has_more_legs_than_freedoms(machine) || hold(machine, X_MT, q).control < kNoHold) return {};
+  const Pose X = settled(machine, X_MT, q);
+  const double length = dexterity(machine, X, q).characteristic_length;
+  JacobianMatrix J = jacobian(machine, X, q);
+  for (int i = 0; i < q.size(); ++i) {
+    if (joint_kind(machine, i) == machine::JointKind::prismatic) J.col(i) *= length;
+  }
+  J.topRows<3>() /= length;
+  const Eigen::MatrixXd rows = task_jacobian(task(machine), J, X);
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd(rows, Eigen::ComputeFullV);
+  const Eigen::VectorXd& values = svd.singularValues();
+  const Eigen::Index rank = (values.array() > kNone * values[0]).count();
+  std::vector<int> out;
+  for (int i = 0; i < q.size(); ++i) {
+    if (svd.matrixV().row(i).tail(q.size() - rank).norm() > kPart) out.push_back(i);
+  }
+  return out;
+}
+
+std::string in_words_free(const std::vector<int>& joints) {
+  if (joints.empty()) return "";
+  std::string names;
+  for (std::size_t k = 0; k < joints.size(); ++k) {
+    const char* before = k == 0 ? "" : k + 1 < joints.size() ? ", " : " and ";
+    names += fmt::format("{}{}", before, joints[k] + 1);
+  }
+  return joints.size() == 1 ? fmt::format("joint {} can move while the tool stays", names)
+                            : fmt::format("joints {} can move together while the tool stays", names);
+}
+
+}  // namespace polypod::kinematics
