@@ -14,6 +14,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/free_joints.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
 
@@ -45,10 +46,11 @@ double room(const AnyMachine& machine, const JointVector& q) {
 }
 
 /// Home of an arm: of poses with the tool at zero tilt, at the places of random stands, that with the most room to the
-/// limits of its joints and to singular poses; where none is within the limits, the best stand itself.
+/// limits of its joints and to singular poses. Where the upright tool leaves a joint free, as of a head with C and A,
+/// the tool tilts by 10 deg, for the module could not leave that pose; where none is within the limits, the best stand.
 std::optional<JointVector> home_of_arm(const AnyMachine& machine, const std::vector<Stand>& stands) {
-  std::optional<JointVector> best, best_stand;
-  double most = 0, most_stand = 0;
+  std::optional<JointVector> best, best_tilted, best_stand;
+  double most = 0, most_tilted = 0, most_stand = 0;
   const auto worth = [&](const Pose& X, const JointVector& q) {
     const double condition = kinematics::dexterity(machine, X, q).condition;
     return room(machine, q) / (std::isfinite(condition) ? condition : 1e12);
@@ -60,17 +62,21 @@ std::optional<JointVector> home_of_arm(const AnyMachine& machine, const std::vec
       most_stand = here;
       best_stand = stands[i].q;
     }
-    Pose level = stands[i].X_MT;
-    level.R = Mat3::Identity();
-    for (const kinematics::Solution& s : kinematics::inverse(machine, level).solutions) {
-      if (s.violations != 0) continue;
-      const double value = worth(kinematics::settled(machine, level, s.joints), s.joints);
-      if (value <= most) continue;
-      most = value;
-      best = s.joints;
-    }
+    const auto look = [&](double tilt, double& value_of_best, std::optional<JointVector>& of_all) {
+      const Pose X{rotation_abc(tilt, 0, 0), stands[i].X_MT.p};
+      for (const kinematics::Solution& s : kinematics::inverse(machine, X).solutions) {
+        if (s.violations != 0) continue;
+        const double value = worth(kinematics::settled(machine, X, s.joints), s.joints);
+        if (value <= value_of_best || !kinematics::free_joints(machine, X, s.joints).empty()) continue;
+        value_of_best = value;
+        of_all = s.joints;
+      }
+    };
+    constexpr double kTilt = units::from_deg(10);
+    look(0, most, best);
+    if (!best) look(kTilt, most_tilted, best_tilted);
   }
-  return best ? best : best_stand;
+  return best ? best : best_tilted ? best_tilted : best_stand;
 }
 
 std::optional<JointVector> home_of(const AnyMachine& machine, const std::vector<Stand>& stands) {
@@ -506,6 +512,16 @@ Result<LinuxcncConfiguration> linuxcnc_configuration(const AnyMachine& machine, 
   if (!home || stands.empty()) {
     return fail("LC104", "no pose within all limits was found to take as home", {},
                 "polypod workspace shows what the machine reaches; --home gives the joints");
+  }
+  if (kinematics::is_serial(machine) &&
+      kinematics::joint_count(machine) == kinematics::coordinate_count(kinematics::task(machine))) {
+    const Pose X = kinematics::forward(machine, *home).poses.front();
+    if (const std::vector<int> free = kinematics::free_joints(machine, X, *home); !free.empty()) {
+      return fail(
+          "LC105",
+          fmt::format("at the home joints {}: the module could not leave that pose", kinematics::in_words_free(free)),
+          {}, "give --home joints with the tool tilted, or the wrist bent");
+    }
   }
   POLYPOD_ASSIGN(module, linuxcnc_module(machine, *home));
   out.module = std::move(module);

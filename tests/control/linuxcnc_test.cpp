@@ -208,6 +208,19 @@ TEST_P(Catalogue, ModuleAgreesWithPolypodAndWithItself) {
   expect_refusals(m, c, other);
 }
 
+/// A head with C and A cannot leave the upright tool in A and B: home tilts it, and joints that do not are refused.
+TEST(Export, HomeLeavesNoJointFree) {
+  const AnyMachine m = test::load("gantry-fork");
+  const LinuxcncConfiguration c = exported(m);
+  EXPECT_NEAR(std::abs(c.joints[4].home), 10, 1e-6);
+  LinuxcncOptions options;
+  options.stands = 60;
+  options.home = machine::JointVector::Zero(5);
+  const auto upright = linuxcnc_configuration(m, options);
+  ASSERT_FALSE(upright);
+  EXPECT_EQ(upright.error().id, "LC105");
+}
+
 std::vector<std::string> names() {
   std::vector<std::string> out;
   for (const auto& entry : machine::catalogue()) out.emplace_back(entry.name);
