@@ -20,6 +20,7 @@
 
 #include "command.hpp"
 #include "interrupt.hpp"
+#include "json_rows.hpp"
 #include "messages.hpp"
 #include "polypod/core/excerpt.hpp"
 #include "polypod/core/figures.hpp"
@@ -390,8 +391,7 @@ void declare_columns(Arguments& arguments, std::vector<std::string>& columns) {
 }
 
 void print_json(const Json& document) {
-  // Names of files may hold bytes that are not UTF-8.
-  fmt::print("{}\n", document.dump(2, ' ', false, Json::error_handler_t::replace));
+  fmt::print("{}\n", json_text(document));
 }
 
 int cannot_take(const Context& context, const std::string& reason, const char* which) {

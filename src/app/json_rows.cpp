@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -16,8 +18,13 @@ namespace {
 
 constexpr int kIndent = 2;
 
-std::string dumped(const Json& value) {
-  return value.dump(kIndent, ' ', false, Json::error_handler_t::replace);  // names may hold bytes that are not UTF-8
+void round_numbers(Json& value) {
+  if (value.is_structured()) {
+    for (Json& part : value) round_numbers(part);
+  } else if (value.is_number_float()) {
+    const double x = value.get<double>();
+    if (std::isfinite(x) && x != std::round(x)) value = std::strtod(fmt::format("{:.15g}", x).c_str(), nullptr);
+  }
 }
 
 void print(std::string_view text) {
@@ -34,7 +41,7 @@ void print_rows(const JsonRows& list) {
     if (!row) continue;
     text = any ? ",\n" : "\n";
     text += begin;
-    for (const char c : dumped(*row)) {
+    for (const char c : json_text(*row)) {
       text += c;
       if (c == '\n') text += begin;
     }
@@ -46,8 +53,13 @@ void print_rows(const JsonRows& list) {
 
 }  // namespace
 
+std::string json_text(Json document) {
+  round_numbers(document);
+  return document.dump(kIndent, ' ', false, Json::error_handler_t::replace);  // names may hold bytes that are not UTF-8
+}
+
 void print_json(const Json& document, const std::vector<JsonRows>& lists) {
-  const std::string text = dumped(document);
+  const std::string text = json_text(document);
   // Where each list begins: a line break stands in no string, so a line of this indentation is the document's own key.
   std::vector<std::pair<std::size_t, const JsonRows*>> places;
   for (const JsonRows& list : lists) {

@@ -17,6 +17,10 @@ struct JsonRows {
   std::function<std::optional<Json>(std::size_t)> row;  ///< nothing: it is left out
 };
 
+/// The document with its numbers to fifteen significant digits: the sixteenth and seventeenth are the rounding of units
+/// (1.15 m are 1150.0000000000002 mm).
+std::string json_text(Json document);
+
 /// What print_json would print if the lists of the document held their rows.
 void print_json(const Json& document, const std::vector<JsonRows>& lists);
 
