@@ -46,7 +46,7 @@ double room(const AnyMachine& machine, const JointVector& q) {
 }
 
 /// Home of an arm: of poses with the tool at zero tilt, at the places of random stands, that with the most room to the
-/// limits of its joints and to singular poses. Where the upright tool leaves a joint free, as of a head with C and A,
+/// limits of its joints and to singular poses. Where the vertical tool leaves a joint free, as of a head with C and A,
 /// the tool tilts by 10 deg, for the module could not leave that pose; where none is within the limits, the best stand.
 std::optional<JointVector> home_of_arm(const AnyMachine& machine, const std::vector<Stand>& stands) {
   std::optional<JointVector> best, best_tilted, best_stand;
@@ -520,7 +520,7 @@ Result<LinuxcncConfiguration> linuxcnc_configuration(const AnyMachine& machine, 
       return fail(
           "LC105",
           fmt::format("at the home joints {}: the module could not leave that pose", kinematics::in_words_free(free)),
-          {}, "give --home joints with the tool tilted, or the wrist bent");
+          {}, "give --home joints with the tool tilted, or the wrist off its straight position");
     }
   }
   POLYPOD_ASSIGN(module, linuxcnc_module(machine, *home));
