@@ -185,22 +185,29 @@ void add_limits(report::Report& page, const MotionQuestion& question) {
   page.add_list(judged);
 }
 
-}  // namespace
-
-std::string motion_page(const machine::AnyMachine& machine, const Run& run, const MotionQuestion& question,
-                        const std::string& version, const std::string& command) {
-  const Unit unit = unit_of(machine);
+/// A page with its head and, where there are no problems, the answer.
+report::Report begun(const machine::AnyMachine& machine, const MotionQuestion& question, bool ok,
+                     const std::string& version) {
   std::vector<std::pair<std::string, std::string>> facts{{"machine", machine::name_of(machine)},
                                                          {"family", machine::family_of(machine)}};
   if (!version.empty()) facts.emplace_back("made with", "Polypod " + version);
   report::Report page(question.what, machine::description_of(machine), facts);
   page.add_section("The motion");
-  if (run.ok()) {
+  if (ok) {
     page.add_verdict(report::Verdict::good, question.not_judged.empty()
                                                 ? std::string("The motion keeps every limit below.")
                                                 : fmt::format("The motion keeps every limit below. Not judged: {}.",
                                                               fmt::join(question.not_judged, ", ")));
   }
+  return page;
+}
+
+}  // namespace
+
+std::string motion_page(const machine::AnyMachine& machine, const Run& run, const MotionQuestion& question,
+                        const std::string& version, const std::string& command) {
+  const Unit unit = unit_of(machine);
+  report::Report page = begun(machine, question, run.ok(), version);
   for (const motion::Problem& p : run.problems) {
     page.add_verdict(
         report::Verdict::bad,
@@ -539,17 +546,7 @@ std::string move_csv(const machine::AnyMachine& machine, const MoveResult& run) 
 
 std::string move_page(const machine::AnyMachine& machine, const motion::PosePath& path, const MoveResult& run,
                       const MotionQuestion& question, const std::string& version, const std::string& command) {
-  std::vector<std::pair<std::string, std::string>> facts{{"machine", machine::name_of(machine)},
-                                                         {"family", machine::family_of(machine)}};
-  if (!version.empty()) facts.emplace_back("made with", "Polypod " + version);
-  report::Report page(question.what, machine::description_of(machine), facts);
-  page.add_section("The motion");
-  if (run.ok()) {
-    page.add_verdict(report::Verdict::good, question.not_judged.empty()
-                                                ? std::string("The motion keeps every limit below.")
-                                                : fmt::format("The motion keeps every limit below. Not judged: {}.",
-                                                              fmt::join(question.not_judged, ", ")));
-  }
+  report::Report page = begun(machine, question, run.ok(), version);
   constexpr std::size_t kShown = 8;
   for (std::size_t k = 0; k < std::min(kShown, run.violations.size()); ++k) {
     const motion::MoveViolation& v = run.violations[k];
