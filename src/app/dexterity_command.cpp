@@ -209,7 +209,7 @@ Command dexterity_command() {
           fmt::print("best conditioned at {}, worst at {}\n", place_text(condition.min_at, survey.task),
                      place_text(condition.max_at, survey.task));
         } else {
-          fmt::print("every pose of the grid is singular\n");
+          fmt::print("every point of the grid has a singular pose\n");
         }
         fmt::print("worst pose seen: condition {} at {}; least sigma_min seen: {} at {}\n",
                    beside_singular(condition) ? fmt::format("{:.0e}", largest_condition) : figure(largest_condition, 4),

@@ -17,6 +17,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/unroll.hpp"
+#include "polypod/kinematics/free_joints.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machine/urdf.hpp"
@@ -803,7 +804,8 @@ Command move_command() {
                  "Between judged points of the path, mm, and deg where the tool turns (default 1)");
         a.option("--samples", o->samples, {2, 100000}, "Of tables and curves (default 1000)");
         a.option("--condition-max", o->condition, {0, 1e12},
-                 "Poses with a larger condition number are near-singular (default 1000; 0: not judged)");
+                 "Poses with a larger condition number are near-singular (default 1000, of heads on linear axes 0; 0: "
+                 "not judged)");
         a.option("--singularity-distance", o->clearance, kDistance_mm,
                  "Of deltas: least distance from singular poses, mm (default 10; 0: not checked)");
         a.option("--start", o->start, "Solution of the inverse at the first pose: its number, or `best` conditioned");
@@ -846,7 +848,10 @@ Command move_command() {
         POLYPOD_TRY(refuse(context, {has_clearance ? "--condition-max" : "--singularity-distance"},
                            has_clearance ? "of deltas --singularity-distance says what is near-singular"
                                          : "--condition-max says what is near-singular, but of deltas"));
-        options.condition = o->condition;
+        options.condition =
+            context.given("--condition-max") || !kinematics::is_head_on_linear_axes(m) ? o->condition : 0;
+        if (const std::vector<double>& before = placed.job.start_joints; !before.empty() && o->start.empty())
+          options.before = Eigen::Map<const Eigen::VectorXd>(before.data(), std::ssize(before));
         options.singular_distance = units::from_mm(o->clearance);
         if (o->start == "best") {
           options.best_start = true;

@@ -30,5 +30,7 @@ extern template Result<Volume> subdivided_volume(const SixJointLimits&, const Op
 extern template Result<bool> subdivided_holds(const SixJointLimits&, const Options&, const Shape&, std::int64_t);
 extern template Result<Volume> subdivided_volume(const ThreeParallelLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const ThreeParallelLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const CartesianLimits&, const Options&, bool);
+extern template Result<bool> subdivided_holds(const CartesianLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

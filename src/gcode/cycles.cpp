@@ -36,6 +36,8 @@ Status Engine::cycle(int before) {
   const Word* bottom_word = find(normal);
   if (bottom_word == nullptr && !goes_on) return bad(fmt::format("{}, the bottom, is missing", normal), "add it");
   const Word* l = find('L');
+  if (l != nullptr && motion_ == 740)
+    return bad("L in G74, which LinuxCNC does not repeat", "write a block for each hole");
   if (l != nullptr && (!(l->value >= 1) || l->value > kMostRepeats || l->value != std::floor(l->value))) {
     return bad("L is no number of holes", "write an integer from 1");
   }

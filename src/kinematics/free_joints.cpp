@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <Eigen/SVD>
+#include <variant>
 
+#include "polypod/families/serial/cartesian.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/surplus.hpp"
 
@@ -29,6 +31,11 @@ std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_M
     if (svd.matrixV().row(i).tail(q.size() - rank).norm() > kPart) out.push_back(i);
   }
   return out;
+}
+
+bool is_head_on_linear_axes(const machine::AnyMachine& machine) {
+  const auto* arm = std::get_if<machine::SerialArm>(&machine);
+  return arm != nullptr && machine::CartesianInverse::of(*arm).has_value();
 }
 
 std::string in_words_free(const std::vector<int>& joints) {

@@ -11,6 +11,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/free_joints.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/posture.hpp"
 #include "polypod/machine/assumed.hpp"
@@ -23,6 +24,8 @@ namespace {
 
 // A joint that moves by more than this between two points a millimetre or a degree apart has changed branch, rad.
 constexpr double kJump = 0.5;
+// One that moves by more than this from a pose that left it free may jump, too, rad.
+constexpr double kSuspect = 0.02;
 // A turn of A, B or C below this is none, rad.
 constexpr double kNoTurn = 1e-9;
 
@@ -262,9 +265,11 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       machine::JointVector joints = best->joints;
       const double nearest = follows ? (joints - last).cwiseAbs().maxCoeff() : 0.0;
       bool jumps = false;
-      if (nearest > kJump && k > 0) {
+      const bool far = nearest > kJump;
+      const auto left_open = [&] { return kinematics::free_joints(machine, pose_at(double(k - 1) / steps), last); };
+      if (k > 0 && (far || (nearest > kSuspect && !left_open().empty()))) {
         // A joint that hurries and does not jump is judged by its speed, where that is known.
-        const auto closely = kinematics::followed(machine, last, way, kJump);
+        const auto closely = kinematics::followed(machine, last, way, far ? kJump : kSuspect);
         jumps = !closely.has_value();
         if (closely) joints = *closely;
         if (const std::string broken = jumps ? kinematics::broken_in_posture(machine, inverse, last, kJump) : "";
@@ -272,10 +277,14 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
           problem(limit, "limit",
                   fmt::format("{}: in the posture that it has the machine cannot go on, {}", where(), broken));
         } else if (jumps) {
+          const std::vector<int> open = left_open();
           problem(
               branch, "branch",
-              fmt::format("{}: a joint would jump by {}", where(), kinematics::largest_change(machine, joints - last)));
-        } else if (!demands_joints || !demands.speeds()) {
+              fmt::format("{}: a joint would jump by {}{}", where(), kinematics::largest_change(machine, joints - last),
+                          open.empty() ? ""
+                                       : fmt::format("; before it {}: `start_joints` of the job say where to begin",
+                                                     kinematics::in_words_free(open))));
+        } else if (far && (!demands_joints || !demands.speeds())) {
           problem(branch, "branch",
                   fmt::format("{}: a joint would move by {} on the last {}; its speed is judged in cuts where the "
                               "job gives joint_speeds",

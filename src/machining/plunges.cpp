@@ -103,9 +103,14 @@ bool has_any_m(const gcode::Block& block, const std::array<int, N>& codes) {
   });
 }
 /// Whether the tool may stand, for as long as nobody knows, at a word that is carried out before the motion of its
-/// block: a spindle that starts, changes or stops, a tool change, an input that is waited for.
+/// block: a spindle that starts, changes or stops, a tool change, an input that is waited for, a
+/// program of the machine's builder.
 bool may_stand_before(const gcode::Block& block) {
-  return has_any_m(block, std::array{3, 4, 5, 6, 19}) || (has(block, 'M', 66) && !has(block, 'L', 0));
+  constexpr double kFirstOfBuilders = 100;  // M100 to M199 run programs of the machine's builder
+  return has_any_m(block, std::array{3, 4, 5, 6, 19}) || (has(block, 'M', 66) && !has(block, 'L', 0)) ||
+         std::any_of(block.words.begin(), block.words.end(), [](const gcode::Word& w) {
+           return w.letter == 'S' || (w.letter == 'M' && w.value >= kFirstOfBuilders);
+         });
 }
 /// The same behind the motion: a stop.
 bool may_stand_behind(const gcode::Block& block) {

@@ -42,14 +42,16 @@ machine::ClosureVectorT<T> closure_at(const M& m, const PoseT<T>& X, const std::
   return closure(m, X, std::span<const T>(q), std::span(p));
 }
 
-/// Equations have units of their own (m, m^2, rad): each row is scaled to the largest entry 1, so that pivots compare.
-/// Returns the factors.
+/// Equations have units of their own (m, m^2, rad): each row is scaled to the largest entry 1, so that pivots compare,
+/// but for rows of nothing but rounding, which a singular pose has. Returns the factors.
 template <class Rows>
 Unknowns scale_rows(Rows& rows) {
+  constexpr double kRounding = 1e-13;
   Unknowns scale(rows.rows());
+  const double whole = rows.size() == 0 ? 0 : rows.cwiseAbs().maxCoeff();
   for (int i = 0; i < rows.rows(); ++i) {
     const double largest = rows.row(i).cwiseAbs().maxCoeff();
-    scale[i] = largest > 0 ? 1 / largest : 1;
+    scale[i] = largest > kRounding * whole ? 1 / largest : 1;
     rows.row(i) *= scale[i];
   }
   return scale;
@@ -317,14 +319,14 @@ class ChainSolver {
   }
   /// `size`: what r is made of, so that its rounding is known.
   [[nodiscard]] std::optional<Unknowns> solve(const Unknowns& r, double size) {
-    constexpr double kRounding = 1e-12;
+    constexpr double kRounding = 1e-12, kRest = 1e-20;  // of a path that begins or ends at rest nothing is left
     if (nearly_ == 0) return plain_.pivot() > kSingular ? std::optional(plain_.solve(r)) : std::nullopt;
     const Unknowns right = values_.matrixU().transpose() * scale_.cwiseProduct(r);
     const auto& sigma = values_.singularValues();
     Unknowns along = Unknowns::Zero(values_.cols());
     for (Eigen::Index i = 0; i < sigma.size(); ++i) {
       if (i >= sigma.size() - nearly_) {
-        if (std::abs(right[i]) <= kRounding * std::max(right.norm(), size)) continue;
+        if (std::abs(right[i]) <= kRounding * std::max({right.norm(), size, kRest})) continue;
         if (!(sigma[i] > kSingular * sigma[0])) return {};
         passes_ = false;
       }

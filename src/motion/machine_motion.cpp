@@ -457,7 +457,10 @@ class StartChooser {
 
   /// Its joints; none where the first pose is out of reach.
   JointVector choose() {
-    const InverseResult first = kinematics::inverse(follower_.machine(), path_.stretches.front().pose(0));
+    const Pose at_start = path_.stretches.front().pose(0);
+    const InverseResult first = options_.before.size() > 0
+                                    ? kinematics::inverse_near(follower_.machine(), at_start, options_.before)
+                                    : kinematics::inverse(follower_.machine(), at_start);
     const std::size_t known = first.solutions.size();
     for (const Solution& s : first.solutions) {
       add(s.joints, kinematics::branch_name(follower_.machine(), s.branch));

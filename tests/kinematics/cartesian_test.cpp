@@ -139,13 +139,15 @@ TEST(CartesianInverse, AtAToolAlongTheFirstRotaryAxisThatIsFreeAndKeepsItsRefere
   const Pose X = machine::forward(arm, (JointVector(5) << 0.1, 0.2, 0.3, 0.7, 0).finished());
   for (const kinematics::Solution& s : machine::inverse(arm, X).solutions) {
     EXPECT_FALSE(s.singular) << "programs of three axes mill there";
-    EXPECT_EQ(s.joints[3], 0);
+    EXPECT_NEAR(s.joints[3], s.branch == 0 ? 0 : kPi, kExact) << "half a turn off in the other";
     EXPECT_EQ(kinematics::free_joints(machine::AnyMachine{arm}, X, s.joints), std::vector<int>{3});
   }
   const JointVector last = (JointVector(5) << 0, 0, 0, 1.1, 0).finished();
   for (const kinematics::Solution& s : machine::inverse_near(arm, X, last).solutions) {
-    EXPECT_EQ(s.joints[3], 1.1);
     EXPECT_LT(off(arm, machine::forward(arm, s.joints), X), kExact);
+    EXPECT_NEAR(std::abs(std::remainder(s.joints[3] - 1.1, kPi)), 0, kExact);
+    if (s.branch != 0) continue;
+    EXPECT_EQ(s.joints[3], 1.1);
   }
   // Beside it nothing is free, however near.
   const Pose beside = machine::forward(arm, (JointVector(5) << 0.1, 0.2, 0.3, 0.7, 1e-5).finished());
@@ -153,6 +155,43 @@ TEST(CartesianInverse, AtAToolAlongTheFirstRotaryAxisThatIsFreeAndKeepsItsRefere
     EXPECT_NEAR(std::abs(std::remainder(s.joints[3] - 0.7, kPi)), 0, 1e-9);
     EXPECT_TRUE(kinematics::free_joints(machine::AnyMachine{arm}, beside, s.joints).empty());
   }
+}
+
+/// A free joint whose range does not hold 0, a range two turns off, and a head whose tip goes round beside its axis, so
+/// that the linear axes reach with some angles alone.
+TEST(CartesianInverse, AFreeJointStandsWithinTheLimitsWhereAnyAngleDoes) {
+  SerialArm arm = arm_of(kFork);
+  arm.dh[3].range = {0.4, 3.5};
+  const Pose X = machine::forward(arm, JointVector::Zero(5));
+  for (const kinematics::Solution& s : machine::inverse(arm, X).solutions) EXPECT_EQ(s.violations, 0U);
+  SerialArm far = arm_of(kFork);
+  far.dh[3].range = {2 * kPi, 4 * kPi};
+  std::mt19937 random(6);
+  for (int k = 0; k < 200; ++k) {
+    JointVector q = random_joints(far, random);
+    q[3] += 3 * kPi;
+    const kinematics::InverseResult found = machine::inverse(far, machine::forward(far, q));
+    for (const kinematics::Solution& s : found.solutions) EXPECT_EQ(s.violations & 0xc0U, 0U) << s.joints[3];
+  }
+  SerialArm offset = arm_of(kFork);
+  offset.dh[4].a = 0.1;
+  offset.dh[1].range = {-1, 1};
+  int within = 0;
+  for (double y = -1.147; y < 1.16; y += 0.05) {
+    Pose at = machine::forward(offset, JointVector::Zero(5));
+    at.p = Vec3(0.2, y, -0.1);
+    bool any = false;  // by hand, over a turn
+    for (double c = 0; c < 2 * kPi; c += 0.01) {
+      const JointVector q =
+          machine::inverse_near(offset, at, (JointVector(5) << 0, 0, 0, c, 0).finished()).solutions.front().joints;
+      any = any || std::abs(q[1]) <= 1;
+    }
+    const bool found = machine::inverse(offset, at).reachable() != nullptr;
+    EXPECT_EQ(found, any) << y;
+    within += found;
+  }
+  EXPECT_GT(within, 40);
+  EXPECT_LT(within, 47);
 }
 
 TEST(CartesianInverse, WhereANutatingHeadCannotPointItsToolThereIsNone) {

@@ -151,8 +151,8 @@ TEST(Answers, StopsInACutAreRests) {
     return c.text().find("X40.0000 Y30.0000 Z-2.0000") != std::string::npos;
   };
   EXPECT_FALSE(goes_back(groove("", "")));
-  for (const char* rest :
-       {"G4 P1\n", "M0\n", "M1\n", "M60\n", "M66 P0 L3 Q5\n", "M5\nM3\n", "S6000 M3\n", "T1 M6\nM3\n"})
+  for (const char* rest : {"G4 P1\n", "M0\n", "M1\n", "M60\n", "M66 P0 L3 Q5\n", "M5\nM3\n", "S6000 M3\n", "S6000\n",
+                           "M101\n", "T1 M6\nM3\n"})
     EXPECT_TRUE(goes_back(groove("", rest))) << rest;
   EXPECT_TRUE(goes_back(groove(" M0", "")));
   EXPECT_FALSE(goes_back(groove("", "M66 P0 L0\n"))) << "no wait";

@@ -172,6 +172,15 @@ tool = { z_mm = 200, a_deg = 180 }
     EXPECT_LT(std::abs(s.speed[3]), 1e-6);
     EXPECT_LT(std::abs(s.speed[4]), kSpeed * 1.001);
   }
+  // Along any direction with the tool at rest, the rows of its axis that are nothing but rounding are no equations.
+  for (const Vec3& to_p : {Vec3(0.1, 0, 0), Vec3(0, 0.1, 0), Vec3(0.03, -0.1, 0.05)}) {
+    const TargetPose here = target_of(m, {Mat3::Identity(), Vec3::Zero()}),
+                     there = target_of(m, {Mat3::Identity(), to_p});
+    const auto along = move(m, *pose_path_of({*straight(here, there)}), options);
+    ASSERT_TRUE(along) << along.error().message;
+    EXPECT_TRUE(along->violations.empty()) << to_p.transpose() << ": " << along->violations.front().detail;
+    EXPECT_NEAR(along->time, to_p.cwiseAbs().maxCoeff() / kSpeed, 0.01);
+  }
   // A path that bends there turns the free joint too, at a rate that its first order does not say.
   const auto bent = [&](double second) {
     const Pose X{Mat3::Identity(), Vec3::Zero()};

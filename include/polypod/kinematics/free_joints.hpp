@@ -18,6 +18,10 @@ namespace polypod::kinematics {
 /// poses alone, and where the drives do not constrain the tool (type 2), where J says nothing. Cost: some 30 us.
 std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q);
 
+/// Whether linear axes carry a head of rotary axes (CartesianInverse): programs mill all day with its tool along the
+/// first rotary axis, which is a singular pose, so that a condition number says little of its motions.
+bool is_head_on_linear_axes(const machine::AnyMachine& machine);
+
 /// "joint 5 can move while the tool stays", "joints 4 and 6 can move together while the tool stays"; empty for none.
 std::string in_words_free(const std::vector<int>& joints);
 

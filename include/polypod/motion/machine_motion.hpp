@@ -55,6 +55,9 @@ struct MoveOptions {
   /// The solution of the inverse at the first pose, by its place in the list; none: the first with which the whole path
   /// can be passed.
   std::optional<std::size_t> start;
+  /// Where the joints stand before the path: the first pose is taken as seen from there (inverse_near), which decides
+  /// turns and what it leaves free. Empty: not said.
+  JointVector before;
   /// Of several with which it can be passed, the one whose largest condition number is the smallest.
   bool best_start = false;
   std::optional<Actuators> actuators;

@@ -8,6 +8,7 @@
 
 #include "../../workspace/no_bounds.hpp"
 #include "arm_plane.hpp"
+#include "cartesian_bounds.hpp"
 #include "limit_terms.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 #include "six_joint_bounds.hpp"
@@ -400,9 +401,10 @@ class ArmLimits {
 };
 
 /// What volume() asks over boxes. Errors: WS102 (neither the wrist of WristInverse, nor a right-angled one of
-/// SphericalWristInverse, nor one of ThreeParallelInverse with joint 3 alone limited).
-inline Result<std::variant<ArmLimits, SixJointLimits, ThreeParallelLimits>> bounds_of(const machine::SerialArm& arm,
-                                                                                      const Options& options) {
+/// SphericalWristInverse, nor one of ThreeParallelInverse with joint 3 alone limited, nor one of CartesianInverse, its
+/// third rotary axis, if there is one, without limits).
+inline Result<std::variant<ArmLimits, SixJointLimits, ThreeParallelLimits, CartesianLimits>> bounds_of(
+    const machine::SerialArm& arm, const Options& options) {
   if (const auto closed = machine::WristInverse::of(arm)) return ArmLimits(closed->form(), options.limits);
   if (const auto closed = machine::SphericalWristInverse::of(arm))
     if (const auto form = closed->form()) return SixJointLimits(*form, options.limits);
@@ -410,6 +412,8 @@ inline Result<std::variant<ArmLimits, SixJointLimits, ThreeParallelLimits>> boun
     const auto form = closed->form();
     if (form && ThreeParallelLimits::serves(*form, options.limits)) return ThreeParallelLimits(*form, options.limits);
   }
+  if (const auto closed = machine::CartesianInverse::of(arm))
+    if (CartesianLimits::serves(closed->form(), options.limits)) return CartesianLimits(closed->form(), options.limits);
   return no_bounds(arm.name);
 }
 inline bool bounded(const machine::SerialArm& arm) {

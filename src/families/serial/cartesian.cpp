@@ -2,8 +2,10 @@
 #include "polypod/families/serial/cartesian.hpp"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "six_joints.hpp"
 
@@ -51,35 +53,67 @@ std::optional<CartesianInverse> CartesianInverse::of(const SerialArm& arm) {
   return out;
 }
 
+CartesianInverse::Form CartesianInverse::form() const {
+  const six::Turns turns(axis_[0], axis_[1], axis_[2]);
+  Form out{joints_,   range_,       axis_[0], axis_[1],  X_0_.R.transpose() * axis_[2], Vec3::Zero(), X_0_.p, point_[0],
+           point_[1], turns.middle, axis_[2], to_linear_};
+  if (joints_ == 6) {
+    out.carried = point_[2];
+    out.from_tip_T = X_0_.R.transpose() * (point_[2] - X_0_.p);
+  }
+  if (const auto meet = six::common_point(out.point_u, out.u, out.point_v, out.v)) out.point_u = out.point_v = *meet;
+  return out;
+}
+
+kinematics::Solution CartesianInverse::with(const Pose& X_MT, std::array<double, 3> angle,
+                                            const double* reference) const {
+  kinematics::Solution out;
+  out.joints.resize(joints_);
+  Vec3 tip = X_0_.p;
+  for (int i = joints_ - 1; i >= kLinear; --i) {
+    const auto k = static_cast<std::size_t>(i - kLinear);
+    tip = point_[k] + six::turn(axis_[k], angle[k]) * (tip - point_[k]);
+    out.joints[i] = six::in_range(angle[k], range_[static_cast<std::size_t>(i)], reference, i);
+  }
+  out.joints.head<kLinear>() = to_linear_ * (X_MT.p - tip);
+  for (int i = 0; i < joints_; ++i) {
+    const JointRange& range = range_[static_cast<std::size_t>(i)];
+    out.violations |= LimitBits{out.joints[i] < range.min - six::kLimitSlack} << (2 * i);
+    out.violations |= LimitBits{out.joints[i] > range.max + six::kLimitSlack} << (2 * i + 1);
+  }
+  return out;
+}
+
 kinematics::InverseResult CartesianInverse::solve(const Pose& X_MT, const double* reference) const {
   kinematics::InverseResult out;
   const six::Turns turns(axis_[0], axis_[1], axis_[2]);
-  const double free4 = reference == nullptr ? 0 : reference[kLinear];
-  const auto found = turns.solve(X_MT.R * X_0_.R.transpose(), free4);
+  const JointRange& first = range_[kLinear];
+  const double free4 = reference != nullptr ? reference[kLinear] : std::clamp(0.0, first.min, first.max);
+  const Mat3 R = X_MT.R * X_0_.R.transpose();
+  auto found = turns.solve(R, free4);
   if (!found) {
     out.reason = "the rotary axes cannot turn the tool there";
     return out;
   }
   const bool one = std::abs(std::sin(0.5 * (found->q5[0] - found->q5[1]))) < six::kMeet;
   const bool exchanged = std::remainder(found->q5[0] - straight_, 2 * kPi) < 0;
-  for (int b = 0; b < 2; ++b) {
-    const int f = exchanged ? 1 - b : b;
-    const double angle[3] = {found->q4[f], found->q5[f], found->q6[f]};
-    kinematics::Solution solution;
-    solution.joints.resize(joints_);
-    Vec3 tip = X_0_.p;
-    for (int i = joints_ - 1; i >= kLinear; --i) {
-      const auto k = static_cast<std::size_t>(i - kLinear);
-      tip = point_[k] + six::turn(axis_[k], angle[k]) * (tip - point_[k]);
-      solution.joints[i] = six::in_range(angle[k], range_[static_cast<std::size_t>(i)], reference, i);
+  for (unsigned b = 0; b < 2; ++b) {
+    const auto angles = [&] {
+      const std::size_t f = exchanged ? 1 - b : b;
+      return std::array<double, 3>{found->q4[f], found->q5[f], found->q6[f]};
+    };
+    // In line the other branch has q4 half a turn off; where a limit stops it, q4 turns on to where none does.
+    const double start = found->in_line && b == 1 ? free4 + (free4 + kPi <= first.max ? kPi : -kPi) : free4;
+    if (found->in_line && b == 1) found = turns.solve(R, start);
+    kinematics::Solution solution = with(X_MT, angles(), reference);
+    constexpr int kSteps = 72;
+    for (int k = 1; found->in_line && k <= kSteps && solution.violations != 0; ++k) {
+      const double turn = (k % 2 == 0 ? 1 : -1) * ((k + 1) / 2) * 2 * kPi / kSteps;
+      found = turns.solve(R, start + turn);
+      if (kinematics::Solution other = with(X_MT, angles(), reference); other.violations == 0)
+        solution = std::move(other);
     }
-    solution.joints.head<kLinear>() = to_linear_ * (X_MT.p - tip);
-    for (int i = 0; i < joints_; ++i) {
-      const JointRange& range = range_[static_cast<std::size_t>(i)];
-      solution.violations |= LimitBits{solution.joints[i] < range.min - six::kLimitSlack} << (2 * i);
-      solution.violations |= LimitBits{solution.joints[i] > range.max + six::kLimitSlack} << (2 * i + 1);
-    }
-    solution.branch = static_cast<unsigned>(b);
+    solution.branch = b;
     solution.singular = one && !found->in_line;
     out.solutions.push_back(std::move(solution));
   }

@@ -12,6 +12,7 @@
 #include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/geometry/trigonometry.hpp"
 #include "polypod/kinematics/closure.hpp"
+#include "six_joints.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -37,6 +38,7 @@ double in_range(double angle, double min, double max) {
   while (q < -kPi) q += 2 * kPi;
   if (q > max + kLimitSlack && q - 2 * kPi >= min - kLimitSlack) q -= 2 * kPi;
   if (q < min - kLimitSlack && q + 2 * kPi <= max + kLimitSlack) q += 2 * kPi;
+  if (min > kPi || max < -kPi) q = six::in_some_turn(q, min - kLimitSlack, max + kLimitSlack);
   return q;
 }
 

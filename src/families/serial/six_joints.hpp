@@ -182,8 +182,17 @@ struct Turns {
   }
 };
 
+/// q + 2 pi k within low .. high for the k nearest to 0, else q.
+inline double in_some_turn(double q, double low, double high) {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  const double up = std::max(0.0, std::ceil((low - q) / kTurn)), down = std::max(0.0, std::ceil((q - high) / kTurn));
+  const double turned = q + kTurn * (up - down);
+  return turned >= low && turned <= high ? turned : q;
+}
+
 /// The turn of `angle` (at most 3 pi) that lies in the range if there is one, else the one in (-pi, pi]; of several in
-/// the range the nearest to reference[joint] if there is a reference. Without branches but for the reference.
+/// the range the nearest to reference[joint] if there is a reference. Without branches but for the reference, and
+/// ranges that begin more than half a turn off.
 inline double in_range(double angle, const JointRange& range, const double* reference, int joint) {
   constexpr double kTurn = 2 * std::numbers::pi;
   const double low = range.min - kLimitSlack, high = range.max + kLimitSlack;
@@ -193,6 +202,7 @@ inline double in_range(double angle, const JointRange& range, const double* refe
   // Not &&, which branches.
   q -= static_cast<int>(q > high) & static_cast<int>(q - kTurn >= low) ? kTurn : 0.0;
   q += static_cast<int>(q < low) & static_cast<int>(q + kTurn <= high) ? kTurn : 0.0;
+  if (low > std::numbers::pi || high < -std::numbers::pi) q = in_some_turn(q, low, high);
   if (reference == nullptr || range.max - range.min < kTurn) return q;
   double near = q + kTurn * std::round((reference[joint] - q) / kTurn);
   if (near > high) near -= kTurn;

@@ -11,5 +11,7 @@ template Result<Volume> subdivided_volume(const SixJointLimits&, const Options&,
 template Result<bool> subdivided_holds(const SixJointLimits&, const Options&, const Shape&, std::int64_t);
 template Result<Volume> subdivided_volume(const ThreeParallelLimits&, const Options&, bool);
 template Result<bool> subdivided_holds(const ThreeParallelLimits&, const Options&, const Shape&, std::int64_t);
+template Result<Volume> subdivided_volume(const CartesianLimits&, const Options&, bool);
+template Result<bool> subdivided_holds(const CartesianLimits&, const Options&, const Shape&, std::int64_t);
 
 }  // namespace polypod::workspace

@@ -22,8 +22,9 @@ namespace polypod::machine {
 /// Two branches, `tilt-positive` with q5 above and `tilt-negative` with q5 below the position in which the first rotary
 /// axis and the last (or the tool) are nearest in line; of two such positions the one nearer to 0, as of a fork.
 ///
-/// In line, q4 is free and both branches are one: it is that of the reference, or 0. This is no singular pose to a
-/// program that leaves the tool there, as every three-axis program does, so it is not marked; `free_joints` names it,
+/// In line, q4 is free: it is that of the reference, or 0, and half a turn off in the other branch; where a limit stops
+/// these, the nearest of 72 angles round a turn with which none does. This is no singular pose to a program that leaves
+/// the tool there, as every three-axis program does, so it is not marked; `free_joints` names it,
 /// and a path that leaves it in a direction for which q4 stands otherwise makes that joint jump. Marked singular is the
 /// tool as far from in line as the head allows. No solution where the head cannot point the tool there, as of a
 /// nutating head; linear axes have no ends but their limits.
@@ -37,7 +38,25 @@ class CartesianInverse {
   [[nodiscard]] kinematics::InverseResult solve(const Pose& X_MT, const double* reference = nullptr) const;
   static const char* branch_name(unsigned branch) { return branch == 0 ? "tilt-positive" : "tilt-negative"; }
 
+  /// What workspaces need of the table, in M at joints 0.
+  struct Form {
+    int joints;
+    std::array<JointRange, 6> range;
+    Vec3 u, v;        ///< of the first two rotary axes
+    Vec3 k_T;         ///< in the tool frame: the direction that they point (the tool's axis, or the third rotary axis)
+    Vec3 from_tip_T;  ///< in the tool frame, from the tip to the point that they carry: 0 of two rotary axes
+    Vec3 carried;     ///< that point
+    Vec3 point_u, point_v;  ///< of the axes: where they meet, if they do
+    double middle;          ///< q5 where u and k are nearest to in line
+    Vec3 k;                 ///< k_T in M
+    Mat3 to_linear;         ///< D^-1
+  };
+  [[nodiscard]] Form form() const;
+
  private:
+  /// The joints with these rotary angles, and what limits they keep.
+  [[nodiscard]] kinematics::Solution with(const Pose& X_MT, std::array<double, 3> angle, const double* reference) const;
+
   int joints_ = 0;  ///< 5 or 6
   std::array<JointRange, 6> range_{};
   double straight_ = 0;        ///< q5 in line
