@@ -530,6 +530,7 @@ Command jacobian_command() {
         const machine::Task task = kinematics::task(m);
         const auto rows_named = [&](const std::vector<std::string>& all) {
           std::vector<std::string> held;
+          held.reserve(static_cast<std::size_t>(task.size()));
           for (int i = 0; i < task.size(); ++i) held.push_back(all[static_cast<std::size_t>(task[i])]);
           return held;
         };

@@ -167,7 +167,7 @@ System closure_columns(const M& m, int first, const Pose& at, const JointVector&
 template <class M>
 System unknowns_matrix(const M& m, Task task, int first, const Pose& target, const Pose& at, const JointVector& joints,
                        const Parameters<M, Dual>& p) {
-  const System F = closure_columns(m, first, at, joints, p);
+  System F = closure_columns(m, first, at, joints, p);
   const int twist = 6 - first, seen = task.size() - first;
   if (seen == 0) return F;
   System K = System::Zero(F.rows() + seen, F.cols());

@@ -569,6 +569,7 @@ std::string move_page(const machine::AnyMachine& machine, const motion::PosePath
   page.add_key_figures(figures);
   if (!run.binding.empty()) {
     std::vector<std::string> items;
+    items.reserve(run.binding.size());
     for (const auto& [name, share] : run.binding)
       items.push_back(fmt::format("{}: {} % of the time", name, report::fixed(100 * share, 0)));
     page.add_text("What limits the motion (met to 1 %):");

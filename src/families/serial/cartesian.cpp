@@ -108,7 +108,8 @@ kinematics::InverseResult CartesianInverse::solve(const Pose& X_MT, const double
     kinematics::Solution solution = with(X_MT, angles(), reference);
     constexpr int kSteps = 72;
     for (int k = 1; found->in_line && k <= kSteps && solution.violations != 0; ++k) {
-      const double turn = (k % 2 == 0 ? 1 : -1) * ((k + 1) / 2) * 2 * kPi / kSteps;
+      const int steps = (k % 2 == 0 ? 1 : -1) * ((k + 1) / 2);  // to either side in turn
+      const double turn = steps * 2 * kPi / kSteps;
       found = turns.solve(R, start + turn);
       if (kinematics::Solution other = with(X_MT, angles(), reference); other.violations == 0)
         solution = std::move(other);
