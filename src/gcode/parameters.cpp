@@ -143,7 +143,9 @@ Status Engine::assign(const Line& line, const Block& block) {
       }
       if (!options_.machine_known && a.index >= 5161 && a.index <= 5390) {
         return error(a.column, "GC125",
-                     fmt::format("#{} is a position of the machine that the job does not tell", a.index),
+                     a.index == 5220
+                         ? std::string("#5220 is the number of the work offset in force; G54 to G59.3 select one")
+                         : fmt::format("#{} is a position of the machine that the job does not tell", a.index),
                      "use G10 L20 or G92, or G54 to G59 with the offsets of the job");
       }
       parameter(a.index) = a.value;

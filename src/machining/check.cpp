@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numbers>
 
 #include "one_tip.hpp"
 #include "polypod/core/text.hpp"
@@ -28,6 +29,17 @@ constexpr double kJump = 0.5;
 constexpr double kSuspect = 0.02;
 // A turn of A, B or C below this is none, rad.
 constexpr double kNoTurn = 1e-9;
+
+/// Whether some joint may begin in more than one turn.
+bool several_turns(const machine::AnyMachine& machine) {
+  for (int i = 0; i < kinematics::joint_count(machine); ++i) {
+    const machine::JointRange range = kinematics::joint_range(machine, i);
+    if (kinematics::joint_kind(machine, i) == machine::JointKind::revolute &&
+        range.max - range.min > 2 * std::numbers::pi)
+      return true;
+  }
+  return false;
+}
 
 /// "x, y, z".
 std::string pose_of(machine::Task task) {
@@ -274,8 +286,10 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
         if (closely) joints = *closely;
         if (const std::string broken = jumps ? kinematics::broken_in_posture(machine, inverse, last, kJump) : "";
             !broken.empty()) {
+          const bool begins_anywhere = options.start.empty() && several_turns(machine);
           problem(limit, "limit",
-                  fmt::format("{}: in the posture that it has the machine cannot go on, {}", where(), broken));
+                  fmt::format("{}: in the posture that it has the machine cannot go on, {}{}", where(), broken,
+                              begins_anywhere ? "; `start_joints` of the job say in which turn the joints begin" : ""));
         } else if (jumps) {
           const std::vector<int> open = left_open();
           problem(
