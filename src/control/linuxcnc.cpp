@@ -522,6 +522,16 @@ Result<LinuxcncConfiguration> linuxcnc_configuration(const AnyMachine& machine, 
           fmt::format("at the home joints {}: the module could not leave that pose", kinematics::in_words_free(free)),
           {}, "give --home joints with the tool tilted, or the wrist off its straight position");
     }
+    const Pose level{Mat3::Identity(), X.p};
+    const kinematics::InverseResult at_level = kinematics::inverse(machine, level);
+    const bool open = std::any_of(at_level.solutions.begin(), at_level.solutions.end(), [&](const auto& s) {
+      return !s.singular && !kinematics::free_joints(machine, level, s.joints).empty();
+    });
+    if (open) {
+      out.notes.emplace_back(
+          "At zero tilt a rotary joint is free, and the module has no answer: blocks that end there are refused. "
+          "Programs of three axes need the joints themselves (trivkins).");
+    }
   }
   POLYPOD_ASSIGN(module, linuxcnc_module(machine, *home));
   out.module = std::move(module);
