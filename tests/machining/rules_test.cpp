@@ -222,8 +222,10 @@ TEST(Rules, AStopInACutIsNotCovered) {
   for (const char* between : {"G4 P1\n", "M8\n", "S12000\n", "(MSG, hello)\n"}) {
     const machining::SlowCorners slow = slow_places(between);
     EXPECT_EQ(slow.count, others + 2) << between;  // the move that ends there, and the one that begins
-    // Before a dwell the correction goes back to the path, so that the worst place is where it leaves the cut for that.
-    EXPECT_LT(slow.share, between == std::string("G4 P1\n") ? 0.2 : 0.05) << between;
+    // Before a dwell, or where the spindle changes for nobody knows how long, the correction goes back to the path, so
+    // that the worst place is where it leaves the cut for that.
+    const bool rests = between[0] == 'G' || between[0] == 'S';
+    EXPECT_LT(slow.share, rests ? 0.2 : 0.05) << between;
     EXPECT_GT(slow.distance, 61e-6) << between;
   }
 }
