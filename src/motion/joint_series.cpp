@@ -48,10 +48,10 @@ template <class Rows>
 Unknowns scale_rows(Rows& rows) {
   constexpr double kRounding = 1e-13;
   Unknowns scale(rows.rows());
-  const double whole = rows.size() == 0 ? 0 : rows.cwiseAbs().maxCoeff();
+  for (int i = 0; i < rows.rows(); ++i) scale[i] = rows.row(i).cwiseAbs().maxCoeff();
+  const double nothing = scale.size() == 0 ? 0 : kRounding * scale.maxCoeff();
   for (int i = 0; i < rows.rows(); ++i) {
-    const double largest = rows.row(i).cwiseAbs().maxCoeff();
-    scale[i] = largest > kRounding * whole ? 1 / largest : 1;
+    scale[i] = scale[i] > nothing ? 1 / scale[i] : 1;
     rows.row(i) *= scale[i];
   }
   return scale;
@@ -310,20 +310,21 @@ class Solver {
 /// asks for more has no y at the pose itself.
 class ChainSolver {
  public:
-  explicit ChainSolver(System K) : plain_(K) {
+  explicit ChainSolver(const System& K) : plain_(K) {
     constexpr double kNearly = 1e-6;
     if (!(plain_.pivot() < kNearly)) return;
-    scale_ = scale_rows(K);
-    values_.compute(K, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    nearly_ = (values_.singularValues().array() < kNearly * values_.singularValues()[0]).count();
+    System scaled = K;
+    scale_ = scale_rows(scaled);
+    values_.emplace(scaled, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    nearly_ = (values_->singularValues().array() < kNearly * values_->singularValues()[0]).count();
   }
   /// `size`: what r is made of, so that its rounding is known.
   [[nodiscard]] std::optional<Unknowns> solve(const Unknowns& r, double size) {
     constexpr double kRounding = 1e-12, kRest = 1e-20;  // of a path that begins or ends at rest nothing is left
     if (nearly_ == 0) return plain_.pivot() > kSingular ? std::optional(plain_.solve(r)) : std::nullopt;
-    const Unknowns right = values_.matrixU().transpose() * scale_.cwiseProduct(r);
-    const auto& sigma = values_.singularValues();
-    Unknowns along = Unknowns::Zero(values_.cols());
+    const Unknowns right = values_->matrixU().transpose() * scale_.cwiseProduct(r);
+    const auto& sigma = values_->singularValues();
+    Unknowns along = Unknowns::Zero(values_->cols());
     for (Eigen::Index i = 0; i < sigma.size(); ++i) {
       if (i >= sigma.size() - nearly_) {
         if (std::abs(right[i]) <= kRounding * std::max({right.norm(), size, kRest})) continue;
@@ -332,19 +333,19 @@ class ChainSolver {
       }
       along[i] = right[i] / sigma[i];
     }
-    return Unknowns(values_.matrixV() * along);
+    return Unknowns(values_->matrixV() * along);
   }
   /// The smallest against the largest; of what it was solved with.
   [[nodiscard]] double pivot() const {
     if (nearly_ == 0 || !passes_) return plain_.pivot();
-    const auto& sigma = values_.singularValues();
+    const auto& sigma = values_->singularValues();
     return nearly_ < sigma.size() ? sigma[sigma.size() - 1 - nearly_] / sigma[0] : 0;
   }
 
  private:
   Solver plain_;
   Unknowns scale_;
-  Eigen::JacobiSVD<System> values_;
+  std::optional<Eigen::JacobiSVD<System>> values_;
   Eigen::Index nearly_ = 0;
   bool passes_ = true;
 };
@@ -363,17 +364,18 @@ JointSeries chain_series_of(const M& m, const PoseSeries& target, const Pose& at
   out.q = q;
   out.X = at.cast<Series>();
   out.regular = true;
-  double rate = 0;  // of the joints
+  double rate = 0, size = 0;  // of the joints, and to the power of the order
   machine::JointVectorT<Series> joints = q.cast<Series>();
   for (int order = 1; order <= Series::kOrder && out.regular; ++order) {
     if (order > 1) out.X = chain(m, std::span<const Series>(joints.data(), joints.size()), std::span(p));
     const auto T = task_equations(what, out.X, target, at, 0);
     Unknowns r(T.size());
     for (int i = 0; i < T.size(); ++i) r[i] = -T[i][order];
-    const std::optional<Unknowns> solved = solver.solve(r, std::pow(rate, order));
+    const std::optional<Unknowns> solved = solver.solve(r, size);
     out.regular = solved && solved->allFinite();
     const Unknowns y = out.regular ? *solved : Unknowns(Unknowns::Zero(q.size()));
-    if (order == 1) rate = y.norm();
+    if (order == 1) rate = size = y.norm();
+    size *= rate;
     for (Eigen::Index i = 0; i < q.size(); ++i) joints[i][order] = y[i];
     const Vec6 twist = J * y;
     const Mat3 turn = skew(Vec3(twist.tail<3>())) * at.R;
