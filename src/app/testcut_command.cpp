@@ -225,8 +225,7 @@ struct Told {
   TestCutFit fit;
   std::optional<Factor> compliance, force;  ///< where known forces tell them apart
   machining::Factors factors;
-  double other_job =
-      0;  ///< m, how far the job's sizes are from those that the sheet foretold; 0 where they are the same
+  double other_job = 0;  ///< m, the most that a size of the job is off that of the sheet; 0 where they are the same
 };
 
 /// Whether the sheet was foretold by this job as it is now: the largest difference of a size, m.
