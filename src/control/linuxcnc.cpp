@@ -49,34 +49,35 @@ double room(const AnyMachine& machine, const JointVector& q) {
 /// limits of its joints and to singular poses. Where the vertical tool leaves a joint free, as of a head with C and A,
 /// the tool tilts by 10 deg, for the module could not leave that pose; where none is within the limits, the best stand.
 std::optional<JointVector> home_of_arm(const AnyMachine& machine, const std::vector<Stand>& stands) {
-  std::optional<JointVector> best, best_tilted, best_stand;
-  double most = 0, most_tilted = 0, most_stand = 0;
+  struct Best {
+    double value = 0;
+    std::optional<JointVector> q;
+    void take(double other, const JointVector& joints) {
+      if (!(other > value)) return;
+      value = other;
+      q = joints;
+    }
+  };
+  Best level, tilted, stand;
   const auto worth = [&](const Pose& X, const JointVector& q) {
     const double condition = kinematics::dexterity(machine, X, q).condition;
     return room(machine, q) / (std::isfinite(condition) ? condition : 1e12);
   };
-  constexpr std::size_t kTried = 300;
-  for (std::size_t i = 0; i < std::min(kTried, stands.size()); ++i) {
-    const double here = worth(stands[i].X_MT, stands[i].q);
-    if (here > most_stand) {
-      most_stand = here;
-      best_stand = stands[i].q;
+  const auto look = [&](const Vec3& p, double tilt, Best& best) {
+    const Pose X{rotation_abc(tilt, 0, 0), p};
+    for (const kinematics::Solution& s : kinematics::inverse(machine, X).solutions) {
+      if (s.violations != 0 || !kinematics::free_joints(machine, X, s.joints).empty()) continue;
+      best.take(worth(kinematics::settled(machine, X, s.joints), s.joints), s.joints);
     }
-    const auto look = [&](double tilt, double& value_of_best, std::optional<JointVector>& of_all) {
-      const Pose X{rotation_abc(tilt, 0, 0), stands[i].X_MT.p};
-      for (const kinematics::Solution& s : kinematics::inverse(machine, X).solutions) {
-        if (s.violations != 0) continue;
-        const double value = worth(kinematics::settled(machine, X, s.joints), s.joints);
-        if (value <= value_of_best || !kinematics::free_joints(machine, X, s.joints).empty()) continue;
-        value_of_best = value;
-        of_all = s.joints;
-      }
-    };
-    constexpr double kTilt = units::from_deg(10);
-    look(0, most, best);
-    if (!best) look(kTilt, most_tilted, best_tilted);
+  };
+  constexpr std::size_t kTried = 300;
+  constexpr double kTilt = units::from_deg(10);
+  for (std::size_t i = 0; i < std::min(kTried, stands.size()); ++i) {
+    stand.take(worth(stands[i].X_MT, stands[i].q), stands[i].q);
+    look(stands[i].X_MT.p, 0, level);
+    if (!level.q) look(stands[i].X_MT.p, kTilt, tilted);
   }
-  return best ? best : best_tilted ? best_tilted : best_stand;
+  return level.q ? level.q : tilted.q ? tilted.q : stand.q;
 }
 
 std::optional<JointVector> home_of(const AnyMachine& machine, const std::vector<Stand>& stands) {

@@ -76,11 +76,7 @@ kinematics::Solution CartesianInverse::with(const Pose& X_MT, std::array<double,
     out.joints[i] = six::in_range(angle[k], range_[static_cast<std::size_t>(i)], reference, i);
   }
   out.joints.head<kLinear>() = to_linear_ * (X_MT.p - tip);
-  for (int i = 0; i < joints_; ++i) {
-    const JointRange& range = range_[static_cast<std::size_t>(i)];
-    out.violations |= LimitBits{out.joints[i] < range.min - six::kLimitSlack} << (2 * i);
-    out.violations |= LimitBits{out.joints[i] > range.max + six::kLimitSlack} << (2 * i + 1);
-  }
+  out.violations = six::violations(range_, out.joints.data(), static_cast<std::size_t>(joints_));
   return out;
 }
 

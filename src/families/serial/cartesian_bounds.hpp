@@ -64,7 +64,7 @@ class CartesianLimits {
   [[nodiscard]] std::int64_t few_boxes_of_a_cone() const { return carries_ ? 10'000 : 1'000'000; }
   [[nodiscard]] double lever() const { return std::abs(length_) + f1_.norm() + fixed_.norm() + f_.from_tip_T.norm(); }
   /// The linear axes.
-  [[nodiscard]] static LimitBits ends() { return 63; }
+  [[nodiscard]] static LimitBits ends() { return (LimitBits{1} << (2 * kFirst)) - 1; }
   void box(Vec3& low, Vec3& high, const Directions&) const {
     const Mat3 D = f_.to_linear.inverse();
     low = high = f_.point_u;
@@ -139,14 +139,15 @@ class CartesianLimits {
 
  private:
   using Terms = arm::Terms;
-  static constexpr int kReach = 12;  // beyond the labels of the joints' limits
+  static constexpr int kFirst = 3, kSecond = 4;  // rotary axes behind the linear ones, as joints from 0
+  static constexpr int kReach = 12;              // beyond the labels of the joints' limits
 
   /// The head's own limits.
   void add_head(std::size_t side, const Branch& b, const Domain& d, Terms& all) const {
     if (!opposite_) arm::add(b.cosine + 1.0, kReach, d, all);
     if (!parallel_) arm::add(FirstOrder(1) - b.cosine, kReach + 1, d, all);
-    if (all.verdict != Verdict::dead) arm::keep_within(second_[side], 8, b.cosine, d, all);
-    if (all.verdict != Verdict::dead) arm::keep_turn(first_, 6, b.x, b.y, d, all);
+    if (all.verdict != Verdict::dead) arm::keep_within(second_[side], 2 * kSecond, b.cosine, d, all);
+    if (all.verdict != Verdict::dead) arm::keep_turn(first_, 2 * kFirst, b.x, b.y, d, all);
   }
   void add_linear(const Branch& b, const Vec3& center, const Domain& d, Terms& all) const {
     for (int i = 0; i < 3 && all.verdict != Verdict::dead; ++i) {

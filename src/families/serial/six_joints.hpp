@@ -210,9 +210,11 @@ inline double in_range(double angle, const JointRange& range, const double* refe
   return near >= low && near <= high ? near : q;
 }
 
-inline kinematics::LimitBits violations(const std::array<JointRange, 6>& range, const double* q) {
+/// Two bits a joint; of machines with fewer joints those of the first `joints`.
+inline kinematics::LimitBits violations(const std::array<JointRange, 6>& range, const double* q,
+                                        std::size_t joints = 6) {
   kinematics::LimitBits bits = 0;
-  for (std::size_t i = 0; i < 6; ++i) {
+  for (std::size_t i = 0; i < joints; ++i) {
     bits |= kinematics::LimitBits{q[i] < range[i].min - kLimitSlack} << (2 * i);
     bits |= kinematics::LimitBits{q[i] > range[i].max + kLimitSlack} << (2 * i + 1);
   }
