@@ -447,16 +447,24 @@ class Reader {
     known_ = true;
   }
 
+  /// p - centre without its part along the normal.
+  static Vec3 flat(const Vec3& p, const Vec3& centre, const Vec3& normal) {
+    const Vec3 out = p - centre;
+    return out - out.dot(normal) * normal;
+  }
+  /// The turn about the normal that takes a to b, rad, above 0 to a full one.
+  static double sweep_of(const Vec3& a, const Vec3& b, const Vec3& normal) {
+    const double sweep = std::atan2(normal.dot(a.cross(b)), a.dot(b));
+    return sweep < kFullTurn ? sweep + 2 * std::numbers::pi : sweep;
+  }
+
   Status arc_to(const Vec3& tip, const Vec3& axis, Spot spot) {
     const Arc arc = *arc_;
     arc_.reset();
     if (!known_) return error("PO110", "an arc from an unknown point", spot, "give FROM/... or a GOTO before CIRCLE");
     if (rapid_) return error("PO110", "RAPID before an arc", spot, "arcs are cuts: give a feed, or leave the arc out");
     POLYPOD_TRY(feed_known(spot));
-    const auto flat = [&](const Vec3& p) {
-      return Vec3(p - arc.centre - (p - arc.centre).dot(arc.normal) * arc.normal);
-    };
-    const Vec3 a = flat(now_.tip), b = flat(tip);
+    const Vec3 a = flat(now_.tip, arc.centre, arc.normal), b = flat(tip, arc.centre, arc.normal);
     const double off = std::max(kRadiusOff, kRadiusOffShare * arc.radius);
     for (const auto& [r, what] : {std::pair(a.norm(), "start"), std::pair(b.norm(), "end")}) {
       if (std::abs(r - arc.radius) > off) {
@@ -466,8 +474,7 @@ class Reader {
                      spot, "check centre, radius and UNITS; was a GOTO before CIRCLE removed?");
       }
     }
-    double sweep = std::atan2(arc.normal.dot(a.cross(b)), a.dot(b));
-    if (sweep < kFullTurn) sweep += 2 * std::numbers::pi;
+    const double sweep = sweep_of(a, b, arc.normal);
     const Vec3 start = now_.tip;
     push(StepKind::arc, tip, axis, spot);
     Step& s = out_.steps.back();
@@ -676,9 +683,7 @@ class Reader {
                    "check INDIRV and the GOTO before it; post other arcs as points");
     }
     const Vec3 axis = (normal.dot(now_.axis) > 0 ? 1 : -1) * now_.axis;
-    const Vec3 a = out - out.dot(axis) * axis, b = end - centre - (end - centre).dot(axis) * axis;
-    double sweep = std::atan2(axis.dot(a.cross(b)), a.dot(b));
-    if (sweep < kFullTurn) sweep += 2 * std::numbers::pi;
+    const double sweep = sweep_of(flat(now_.tip, centre, axis), flat(end, centre, axis), axis);
     constexpr double kHalf = 1e-3;  // rad: half a turn is both
     if (second ? sweep < std::numbers::pi - kHalf : sweep > std::numbers::pi + kHalf) {
       return error("PO110",
