@@ -272,7 +272,7 @@ Command check_command() {
         const bool optional = machining::has_optional_blocks(source);
         POLYPOD_ASSIGN(judged, optional ? judge(source, job, options) : judge(std::move(source), job, options));
         const gcode::Program& program = judged.understood.program;
-        const gcode::Interpretation& interpretation = judged.understood.interpretation;
+        gcode::Interpretation& interpretation = judged.understood.interpretation;
         machining::CheckResult& result = judged.result;
         std::optional<gcode::Understood> other;
         if (optional) {

@@ -8,6 +8,7 @@
 
 #include "busy_line.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/beginning.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/unrolling.hpp"
 
@@ -42,11 +43,8 @@ std::string posture_at_start(const machining::Job& job, const gcode::Interpretat
   return job.posture.empty() ? names.front() : job.posture;
 }
 
-Status begin_in(const std::string& branch, const gcode::Interpretation& interpretation, machining::Job& job) {
-  if (!branch.empty() && branch != job.posture) {
-    job.posture = branch;
-    job.start_joints.clear();  // which stand in another one
-  }
+namespace {
+Status has_posture(const std::string& branch, const gcode::Interpretation& interpretation, const machining::Job& job) {
   if (job.posture.empty()) return {};
   const std::vector<std::string> names = machining::starting_branches(job.machine, job.X_MW, interpretation);
   // Where there is none at all the program is out of reach, which is said with its line.
@@ -60,6 +58,18 @@ Status begin_in(const std::string& branch, const gcode::Interpretation& interpre
               : job.posture.rfind("numeric-", 0) == 0 ? "solutions of a search have numbers at one pose, no names "
                                                         "along a path: give the job the `start_joints` of one"
                                                       : "`polypod ik` lists those of a pose");
+}
+}  // namespace
+
+Status begin_in(const std::string& branch, gcode::Interpretation& interpretation, machining::Job& job) {
+  if (!branch.empty() && branch != job.posture) {
+    job.posture = branch;
+    job.start_joints.clear();  // which stand in another one
+  }
+  POLYPOD_TRY(has_posture(branch, interpretation, job));
+  if (std::string note = machining::choose_start(interpretation, job); !note.empty())
+    interpretation.notes.push_back(std::move(note));
+  return {};
 }
 
 Status read_other_position(Input& in) {

@@ -133,6 +133,7 @@ Command online_command() {
           [o](const Context& context) -> Result<int> {
             POLYPOD_TRY(check_files({o->program, o->job}, {}, context.json));
             POLYPOD_ASSIGN(in, read_input(context, o->program, o->job));
+            POLYPOD_TRY(begin_in({}, in.interpretation, in.job));
             control::OnlineOptions options = o->loop.options(context);
             if (context.given("--lost-at-s")) options.lost_at = o->lost_at_s;
             StagesLine line(context);

@@ -12,8 +12,11 @@
 
 namespace polypod::kinematics {
 
-std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q) {
-  constexpr double kNone = 1e-9, kPart = 1e-6;
+namespace {
+
+/// An orthonormal basis of the kernel of S J, lengths by the characteristic length; no columns where J says nothing.
+Eigen::MatrixXd kernel(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q) {
+  constexpr double kNone = 1e-9;
   if (has_more_legs_than_freedoms(machine) || hold(machine, X_MT, q).control < kNoHold) return {};
   const Pose X = settled(machine, X_MT, q);
   const double length = dexterity(machine, X, q).characteristic_length;
@@ -26,11 +29,23 @@ std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_M
   const Eigen::JacobiSVD<Eigen::MatrixXd> svd(rows, Eigen::ComputeFullV);
   const Eigen::VectorXd& values = svd.singularValues();
   const Eigen::Index rank = (values.array() > kNone * values[0]).count();
+  return svd.matrixV().rightCols(q.size() - rank);
+}
+
+}  // namespace
+
+std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q) {
+  constexpr double kPart = 1e-6;
+  const Eigen::MatrixXd ways = kernel(machine, X_MT, q);
   std::vector<int> out;
-  for (int i = 0; i < q.size(); ++i) {
-    if (svd.matrixV().row(i).tail(q.size() - rank).norm() > kPart) out.push_back(i);
+  for (Eigen::Index i = 0; i < ways.rows(); ++i) {
+    if (ways.row(i).norm() > kPart) out.push_back(static_cast<int>(i));
   }
   return out;
+}
+
+int freedoms_left(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q) {
+  return static_cast<int>(kernel(machine, X_MT, q).cols());
 }
 
 bool is_head_on_linear_axes(const machine::AnyMachine& machine) {

@@ -16,6 +16,7 @@
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/posture.hpp"
 #include "polypod/machine/assumed.hpp"
+#include "polypod/machining/beginning.hpp"
 #include "polypod/machining/job.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "side.hpp"
@@ -195,7 +196,13 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   const machine::Task task = kinematics::task(machine);
   const int n = kinematics::joint_count(machine);
   machine::JointVector last;
-  const machine::JointVector start = Eigen::Map<const Eigen::VectorXd>(options.start.data(), std::ssize(options.start));
+  machine::JointVector start = Eigen::Map<const Eigen::VectorXd>(options.start.data(), std::ssize(options.start));
+  if (start.size() == 0) {
+    if (const auto beginning = look_ahead(machine, X_MW, interpretation, options.branch)) {
+      start = beginning->joints;
+      out.notes.push_back(kinematics::in_words(machine, *beginning));
+    }
+  }
   kinematics::HoldOnPath held(machine);
   Demands demands(machine, options.limits, out);
   bool turns_alone = false;
@@ -259,7 +266,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       }
       const kinematics::Solution* best = inverse.reachable();
       if (last.size() == 0 && !options.branch.empty()) {
-        best = kinematics::reachable_in(machine, inverse, options.branch);
+        best = kinematics::first_solution(machine, X, inverse, options.branch, start.size() > 0);
         if (best == nullptr && inverse.reachable() != nullptr) {
           problem(branch, "branch",
                   fmt::format("{}: {}", where(), kinematics::reason_of(machine, inverse, options.branch)));
@@ -296,8 +303,10 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
               branch, "branch",
               fmt::format("{}: a joint would jump by {}{}", where(), kinematics::largest_change(machine, joints - last),
                           open.empty() ? ""
-                                       : fmt::format("; before it {}: `start_joints` of the job say where to begin",
-                                                     kinematics::in_words_free(open))));
+                                       : fmt::format("; before it {}: {}", kinematics::in_words_free(open),
+                                                     start.size() == 0
+                                                         ? "`start_joints` of the job say where to begin"
+                                                         : "a program of its own from here on could begin otherwise")));
         } else if (far && (!demands_joints || !demands.speeds())) {
           problem(branch, "branch",
                   fmt::format("{}: a joint would move by {} on the last {}; its speed is judged in cuts where the "

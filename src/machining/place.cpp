@@ -20,6 +20,7 @@
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/kinematics/posture.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/beginning.hpp"
 #include "polypod/machining/check.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/motion/dynamics.hpp"
@@ -249,6 +250,13 @@ class Search {
     std::unique_ptr<Bench> bench_;
   };
 
+  /// The job as it was, begun where its place asks for it.
+  void begin(Job& job) const {
+    job.start_joints = job_.start_joints;
+    job.posture = job_.posture;
+    choose_start(interpretation_, job);
+  }
+
   /// The prediction at a place; none where the machine cannot follow the program, or no compliance is known.
   Result<std::optional<Prediction>> predict_at(const Placing& at, bool keep_samples = false) const {
     PredictOptions options;
@@ -258,6 +266,7 @@ class Search {
     options.progress = [this](double) { return !stop_; };
     const Loan bench(*this);
     put(bench->job, at.pose());
+    begin(bench->job);
     auto prediction = predict_in(bench->job, program_, interpretation_, options, bench->scratch);
     if (!prediction) {
       const std::string& id = prediction.error().id;
@@ -343,7 +352,15 @@ class Search {
     if (out.fit != PlaceFit::fits) return out;
     const auto tool_at = [&](const Vec3& axes) { return tool_orientation(job_.machine, X_MW, axes); };
     const Mat3 R = tool_at(job_.tool_frame.axes);
-    statics::Probe probe(job_.machine, R, job_.posture, job_.start_joints);
+    std::string posture = job_.posture;
+    std::vector<double> start = job_.start_joints;
+    if (start.empty()) {
+      if (const auto beginning = look_ahead(job_.machine, X_MW, interpretation_, posture)) {
+        start.assign(beginning->joints.begin(), beginning->joints.end());
+        posture = beginning->posture;
+      }
+    }
+    statics::Probe probe(job_.machine, R, posture, start);
     // How far the weight of the machine deflects the tip where the probe stands.
     const auto by_weight = [&](const Vec3& p) -> Vec3 {
       if (!job_.weights) return Vec3::Zero();

@@ -12,6 +12,7 @@
 #include "polypod/families/serial/kinematics.hpp"
 #include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/beginning.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/kinematics/posture.hpp"
@@ -142,6 +143,29 @@ class Planner {
     if (names.empty()) return "`polypod ik` lists the branches of a pose";
     return fmt::format("the branches of this machine{} are {}", all ? "" : " at this point, in or beyond its limits,",
                        listed(names));
+  }
+
+  /// Where to begin so that these moves go on (kinematics::look_ahead), with arcs by their chords.
+  [[nodiscard]] std::optional<kinematics::Beginning> beginning(const std::vector<PlannedMove>& moves) const {
+    std::size_t next = 0;
+    return kinematics::look_ahead(
+        machine_,
+        [&]() -> std::optional<kinematics::WayPiece> {
+          if (next >= moves.size()) return std::nullopt;
+          const PlannedMove& to = moves[next];
+          const PlannedMove& from = moves[next == 0 ? 0 : next - 1];
+          ++next;
+          const Mat3 R_0 = commanded_by(from.angles);
+          const Vec3 turn = rotation_vector(R_0.transpose() * commanded_by(to.angles));
+          const auto pose = [this, &from, &to, R_0, turn](double s) {
+            const Mat3 R = options_.between == Between::angles
+                               ? commanded_by(from.angles + s * (to.angles - from.angles))
+                               : Mat3(R_0 * rotation_of(s * turn));
+            return in_machine(R, from.tip + s * (to.tip - from.tip));
+          };
+          return kinematics::WayPiece{pose, samples((to.tip - from.tip).norm(), to.turn)};
+        },
+        options_.branch);
   }
 
  private:
@@ -336,8 +360,14 @@ class Planner {
     }
     const Solution* best = inverse.reachable();
     if (!placed_ && first_branch_) {
+      const Solution* named = nullptr;
       for (const Solution& s : inverse.solutions)
-        if (s.branch == *first_branch_ && s.violations == 0) best = &s;
+        if (s.branch == *first_branch_ && s.violations == 0) named = &s;
+      if (named != nullptr) {
+        best = begins ? kinematics::first_solution(machine_, X, inverse,
+                                                   kinematics::branch_name(machine_, named->branch), true)
+                      : named;
+      }
     }
     if (best == nullptr) {
       problem(step.line, "limit", fmt::format("{}: {}", where(), kinematics::reason_of(machine_, inverse)));
@@ -696,6 +726,16 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
   }
   if (!planner.run(starts.front(), true)) return cancelled();
   Plan first = planner.take_plan();
+  if (const auto beginning = first.ok() || options.start_joints ? std::nullopt : planner.beginning(first.moves)) {
+    asked.start_joints = beginning->joints;
+    if (!planner.run(starts.front(), true)) return cancelled();
+    if (planner.result().problems.size() < first.problems.size()) {
+      first = planner.take_plan();
+      first.notes.push_back(kinematics::in_words(configuration.machine, *beginning));
+    } else {
+      asked.start_joints.reset();
+    }
+  }
   for (std::size_t i = 1; i < starts.size() && !first.ok(); ++i) {
     if (!planner.run(starts[i], false)) return cancelled();
     if (!planner.result().ok()) continue;

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "../families/quick_compliance.hpp"
+#include "polypod/kinematics/beginning.hpp"
 #include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/parts.hpp"
@@ -146,7 +147,7 @@ bool Probe::at(const Vec3& p_M, Mat3& C) {
   const kinematics::InverseResult result =
       near.size() > 0 ? kinematics::inverse_near(s.machine, X_MT, near) : kinematics::inverse(s.machine, X_MT);
   const kinematics::Solution* solution =
-      follows ? result.reachable() : kinematics::reachable_in(s.machine, result, s.posture);
+      follows ? result.reachable() : kinematics::first_solution(s.machine, X_MT, result, s.posture, s.start.size() > 0);
   if (solution == nullptr) return false;
   const Compliance c = compliance_of(s.machine, solution->joints, &X_MT);
   if (!c.reachable) return false;

@@ -9,6 +9,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/accept.hpp"
+#include "polypod/machining/beginning.hpp"
 
 namespace polypod {
 namespace {
@@ -271,6 +272,69 @@ TEST(Check, AssumedLimitsAreNoLimitsThatWereJudged) {
   EXPECT_EQ(limits_not_judged(without), 1);
   // Written and read again, they are still assumed.
   EXPECT_EQ(limits_not_judged(machine::to_toml(testing::unwrap(machine::from_text(without, "arm.toml")))), 1);
+}
+
+/// A fork head begins with the tool along C, which is free: it must stand as the first tilt will ask, tilted by an
+/// infinitesimal (A, B) about x and y: the tool axis leans towards (B, -A), and at C = 0 the fork tilts it towards y.
+TEST(Check, BeginsWithTheFreeJointWhereTheProgramGoesOn) {
+  const machine::AnyMachine m = test::load("gantry-fork");
+  const Pose X_MW{Mat3::Identity(), Vec3(0.1, 0.05, 0.3)};
+  for (const auto& [a, b] : std::vector<std::pair<double, double>>{
+           {20, 0}, {-20, 0}, {0, 20}, {0, -20}, {10, 20}, {-7, 3}, {1, -40}, {30, 30}, {-0.5, -0.1}}) {
+    for (const std::string posture : {"", "tilt-positive", "tilt-negative"}) {
+      const std::string text = fmt::format(
+          "G21 G90 G94\nG0 X0 Y0 Z5 A0 B0\nX10\nG1 Y30 F1000\nG3 X20 Y40 I10\nG1 X50 A{} B{}\nX60 A0 B0\nM2\n", a, b);
+      SCOPED_TRACE(text + posture);
+      const auto e = testing::with_program("slavkovic_square", text);
+      const auto begins = machining::look_ahead(m, X_MW, e.interpretation, posture);
+      ASSERT_TRUE(begins.has_value());
+      const double c = units::to_deg(begins->joints[3]);
+      const double meant = units::to_deg(std::atan2(b, a));
+      const bool positive = std::abs(std::remainder(c - meant, 360)) < 90;
+      EXPECT_NEAR(std::remainder(c - meant - (positive ? 0 : 180), 360), 0, 1e-3);
+      EXPECT_EQ(begins->posture, positive ? "tilt-positive" : "tilt-negative");
+      EXPECT_NEAR(begins->joints[4], 0, 1e-6);
+      if (posture.empty()) {
+        EXPECT_LE(std::abs(c), 90 + 1e-3);  // the nearer of the two
+      } else {
+        EXPECT_EQ(begins->posture, posture);
+      }
+      machining::CheckOptions options;
+      options.branch = posture;
+      const auto fits = testing::unwrap(machining::check(m, X_MW, e.program, e.interpretation, options));
+      EXPECT_TRUE(fits.ok) << fits.problems.front().detail;
+      EXPECT_LT(fits.joints[3].max - fits.joints[3].min, units::from_deg(20));
+      EXPECT_THAT(fits.notes, ::testing::Contains(::testing::HasSubstr(fmt::format("joint 4 at {:.1f} deg", c))));
+      // From elsewhere it does not.
+      options.start = {begins->joints.begin(), begins->joints.end()};
+      options.start[3] = begins->joints[3] + (begins->joints[3] < 0 ? 1 : -1);
+      EXPECT_FALSE(testing::unwrap(machining::check(m, X_MW, e.program, e.interpretation, options)).ok);
+    }
+  }
+}
+
+/// A straight wrist begins with joints 4 and 6 as the first turn of the tool will ask: those of the inverse next to it.
+TEST(Check, BeginsWithAStraightWristWhereTheProgramGoesOn) {
+  const machine::AnyMachine m = test::load(
+      "kuka-kr210", {{"tool.x_mm", "300"}, {"tool.z_mm", "150"}, {"tool.a_deg", "0"}, {"tool.b_deg", "-90"}});
+  const machine::JointVector q =
+      (machine::JointVector(6) << 0, units::from_deg(-60), units::from_deg(60), 0, 0, 0).finished();
+  const Pose X_0 = kinematics::forward(m, q).poses.front();
+  const auto e =
+      testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X0 Y0 Z0 A0 B0 C0\nG1 A10 B5 F1000\nX-8 Y30\nM2\n");
+  for (const std::string posture : {"front elbow-up", "front elbow-up wrist-flipped"}) {
+    const auto begins = machining::look_ahead(m, Pose{Mat3::Identity(), X_0.p}, e.interpretation, posture);
+    ASSERT_TRUE(begins.has_value());
+    EXPECT_EQ(begins->posture, posture);
+    const Pose beside{rotation_abc(1e-5, 0.5e-5, 0), X_0.p};
+    const auto inverse = kinematics::inverse_near(m, beside, begins->joints);
+    EXPECT_EQ(kinematics::branch_name(m, inverse.reachable()->branch), posture);
+    EXPECT_LT((inverse.reachable()->joints - begins->joints).cwiseAbs().maxCoeff(), 1e-4);
+    EXPECT_LT((kinematics::forward(m, begins->joints).poses.front().p - X_0.p).norm(), 1e-9);
+  }
+  // Where the wrist is not straight nothing is open.
+  const auto bent = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X0 Y0 Z0 A0 B1 C0\nG1 A10 F1000\nM2\n");
+  EXPECT_FALSE(machining::look_ahead(m, Pose{Mat3::Identity(), X_0.p}, bent.interpretation, "").has_value());
 }
 
 TEST(Check, AProgramWithoutAMoveIsNoYes) {

@@ -17,6 +17,8 @@ namespace polypod::kinematics {
 /// below 1e-9 of the largest as 0. Empty of machines with more legs than freedoms, whose joints agree at the machine's
 /// poses alone, and where the drives do not constrain the tool (type 2), where J says nothing. Cost: some 30 us.
 std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q);
+/// In how many independent ways they can: the dimension of that kernel.
+int freedoms_left(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q);
 
 /// Whether linear axes carry a head of rotary axes (CartesianInverse): programs mill all day with its tool along the
 /// first rotary axis, which is a singular pose, so that a condition number says little of its motions.
