@@ -67,6 +67,49 @@ const Vec3& outwards_of(std::size_t sector) {
   return table[sector];
 }
 
+Vec3 outwards_at(double phi) {
+  return {std::sin(phi), std::cos(phi), 0};
+}
+
+/// What a part of the ball's surface, a share of a ring and of a sector, has before it.
+struct Seen {
+  double share = 0;   ///< of the layer that it takes, what is material
+  double over = 0;    ///< m, of its middle over the material
+  double height = 0;  ///< m, how high the part is; 0: it takes nothing
+  double high = 0;    ///< m, of the material, in the stock
+};
+
+/// The middle of a part.
+struct Part {
+  double kappa, phi;
+};
+
+/// The share of a part that was seen whole. Where the top of the material crosses it, its ninths are looked at: rings
+/// do not follow a top that is not level, and a part whose middle lies above it shows nothing of what lies below. Where
+/// one ninth lies whole in the material, those that it crosses count by how far it reaches up them; else a layer is
+/// left there, or nothing, as after a way that was run before. `look(kappa, outwards, size)` sees a part.
+template <class Look>
+double share_of(const Look& look, const Seen& whole, const Part& part, double ring, double sector) {
+  if (!(std::abs(whole.over) < kCrosses * whole.height)) return whole.share;
+  constexpr int kParts = 3;
+  std::array<Seen, kParts * kParts> ninths;
+  bool inside = false;
+  for (int i = 0; i < kParts; ++i) {
+    for (int k = 0; k < kParts; ++k) {
+      constexpr double kSize = 1.0 / kParts;
+      Seen& ninth = ninths[static_cast<std::size_t>(kParts * i + k)];
+      ninth = look(part.kappa + (i - 1) * kSize * ring, outwards_at(part.phi + (k - 1) * kSize * sector), kSize);
+      inside = inside || (ninth.height > 0 && ninth.over < -0.5 * ninth.height);
+    }
+  }
+  double share = 0;
+  for (const Seen& ninth : ninths) {
+    const bool crossed = inside && ninth.height > 0 && std::abs(ninth.over) < 0.5 * ninth.height;
+    share += crossed ? 0.5 - ninth.over / ninth.height : ninth.share;
+  }
+  return share / static_cast<double>(ninths.size());
+}
+
 }  // namespace
 
 bool is_ball(const Cutter& cutter) {
@@ -161,26 +204,37 @@ void look_ahead(const Stock& stock, const Vec3& tip, double radius, const Vec3& 
   };
   engagement.ring = ring_below(now);
   const double ring = ring_below(over);
-  for (int r = 0; r < BallEngagement::kRings; ++r) {
-    const double kappa = (r + 0.5) * ring, s = std::sin(kappa), c = std::cos(kappa), rho = radius * s;
-    const double after = next.z() + radius * (1 - c), height = radius * s * ring;
+  const double sector = 2 * kPi / BallEngagement::kSectors;
+  const auto look = [&](double kappa, const Vec3& out, double part) {
+    const double s = std::sin(kappa), c = std::cos(kappa), rho = radius * s;
+    Seen seen;
+    if (!(s * direction.dot(out) - c * direction.z() > 0)) return seen;
+    const double after = next.z() + radius * (1 - c);
+    const Vec3 p = next + rho * out;
+    const double before = tip.z() + surface((p - tip).head<2>().squaredNorm(), radius);
+    if (!(before > after)) return seen;
+    seen.height = part * rho * ring;
     // Heights between middles of cells lie above a curved surface by up to this.
     const bool steep = rho > radius - 1.5 * cell;
     const double bow = steep ? 0 : cell * cell / (8 * radius) * (1 / (c * c * c) + 1 / c) + kNothing;
+    const Column material = column_at(stock, p.x(), p.y(), steep);
+    const double high = std::min(material.high - bow, before), low = std::max(material.low, after);
+    seen.share = std::clamp((high - low) / std::min(before - after, 0.5 * seen.height), 0.0, 1.0);
+    seen.over = after - (material.high - bow);
+    seen.high = material.high;
+    return seen;
+  };
+  for (int r = 0; r < BallEngagement::kRings; ++r) {
+    const double kappa = (r + 0.5) * ring;
     for (int j = 0; j < BallEngagement::kSectors; ++j) {
-      const Vec3& out = outwards_of(static_cast<std::size_t>(j));
-      if (!(s * direction.dot(out) - c * direction.z() > 0)) continue;
-      const Vec3 p = next + rho * out;
-      const double before = tip.z() + surface((p - tip).head<2>().squaredNorm(), radius);
-      if (!(before > after)) continue;
-      const Column material = column_at(stock, p.x(), p.y(), steep);
-      const double high = std::min(material.high - bow, before), low = std::max(material.low, after);
-      const double share = (high - low) / std::min(before - after, 0.5 * height);
+      const Seen whole = look(kappa, outwards_of(static_cast<std::size_t>(j)), 1);
+      if (!(whole.height > 0)) continue;
+      const bool level = whole.high > stock.top() - kNothing;  // the rings end there
+      const double share = level ? whole.share : share_of(look, whole, {kappa, (j + 0.5) * sector}, ring, sector);
       if (!(share > 1e-3)) continue;
-      engagement.share[static_cast<std::size_t>(r)][static_cast<std::size_t>(j)] =
-          static_cast<float>(std::min(share, 1.0));
+      engagement.share[static_cast<std::size_t>(r)][static_cast<std::size_t>(j)] = static_cast<float>(share);
       engagement.any = true;
-      engagement.max_depth = std::max(engagement.max_depth, material.high - next.z());
+      engagement.max_depth = std::max(engagement.max_depth, whole.high - next.z());
     }
   }
   if (!(over > radius)) return;
@@ -210,22 +264,15 @@ void look_ahead(const Stock& stock, const Vec3& lowest, const Mat3& R, double ra
   const double reach = std::acos(std::clamp(1 - std::max(over, now) / radius, 0.0, 1.0));
   engagement.ring = std::min(reach + lean, 0.5 * kPi) / BallEngagement::kRings;
   const double ring = engagement.ring, sector = 2 * kPi / BallEngagement::kSectors;
-  // The share of a part of the surface with the middle (kappa, phi), `part` of a ring and a sector wide.
-  struct Seen {
-    double share = 0;
-    double over = 0;    ///< m, of its middle over the material
-    double height = 0;  ///< m, how high it is: along the ring and across it
-    double depth = 0;   ///< m, of the material above the ball's lowest point
-  };
-  const auto look = [&](double kappa, double phi, double part) -> std::optional<Seen> {
+  const auto look = [&](double kappa, const Vec3& out, double part) {
     const double s = std::sin(kappa), c = std::cos(kappa);
-    const Vec3 out(std::sin(phi), std::cos(phi), 0), n = R * Vec3(s * out.x(), s * out.y(), -c);
-    if (!(n.dot(direction) > 0)) return std::nullopt;
+    const Vec3 n = R * Vec3(s * out.x(), s * out.y(), -c);
+    Seen seen;
+    if (!(n.dot(direction) > 0)) return seen;
     const Vec3 p = next + radius * n;
     const double after = p.z();
     const double before = middle.z() - radius + surface((p - middle).head<2>().squaredNorm(), radius);
-    if (!(before > after)) return std::nullopt;
-    Seen seen;
+    if (!(before > after)) return seen;
     seen.height = part * radius *
                   (ring * std::abs((R * Vec3(c * out.x(), c * out.y(), s)).z()) +
                    sector * s * std::abs((R * Vec3(out.y(), -out.x(), 0)).z()));
@@ -235,27 +282,20 @@ void look_ahead(const Stock& stock, const Vec3& lowest, const Mat3& R, double ra
     const Column material = column_at(stock, p.x(), p.y(), steep);
     const double high = std::min(material.high - bow, before), low = std::max(material.low, after);
     seen.share = std::clamp((high - low) / std::max(kNothing, std::min(before - after, 0.5 * seen.height)), 0.0, 1.0);
-    seen.over = after - material.high;
-    seen.depth = material.high - (next.z() - radius);
+    seen.over = after - (material.high - bow);
+    seen.high = material.high;
     return seen;
   };
   for (int r = 0; r < BallEngagement::kRings; ++r) {
     for (int j = 0; j < BallEngagement::kSectors; ++j) {
-      const double kappa = (r + 0.5) * ring, phi = (j + 0.5) * sector;
-      const std::optional<Seen> whole = look(kappa, phi, 1);
-      if (!whole) continue;
-      double share = whole->share;
-      // Rings do not follow the top of the material here: where it crosses a part of one, ninths of that are looked at.
-      if (std::abs(whole->over) < kCrosses * whole->height) {
-        share = 0;
-        for (int i = -1; i <= 1; ++i)
-          for (int k = -1; k <= 1; ++k)
-            if (const auto ninth = look(kappa + i * ring / 3, phi + k * sector / 3, 1.0 / 3)) share += ninth->share / 9;
-      }
+      const Part part{(r + 0.5) * ring, (j + 0.5) * sector};
+      const Seen whole = look(part.kappa, outwards_of(static_cast<std::size_t>(j)), 1);
+      if (!(whole.height > 0)) continue;
+      const double share = share_of(look, whole, part, ring, sector);
       if (!(share > 1e-3)) continue;
       engagement.share[static_cast<std::size_t>(r)][static_cast<std::size_t>(j)] = static_cast<float>(share);
       engagement.any = true;
-      engagement.max_depth = std::max(engagement.max_depth, whole->depth);
+      engagement.max_depth = std::max(engagement.max_depth, whole.high - (next.z() - radius));
     }
   }
   const double step = std::max(cell, 0.1 * radius);
