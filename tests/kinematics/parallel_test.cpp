@@ -10,6 +10,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/families.hpp"
+#include "polypod/kinematics/hold.hpp"
 
 namespace polypod {
 namespace {
@@ -484,6 +485,51 @@ TEST(Exechon, HasThePlatformOfItsClosedForm) {
         EXPECT_NEAR(q[static_cast<Eigen::Index>(i)], (middle + R * joint[i] - base[i]).norm(), 1e-10);
     }
   }
+}
+
+// A column that turns in a ball and slides, held by four struts that cross: the straight way of the joints from home
+// leads over singular poses where that of the pose does not. Forward ended in another assembly mode for one pose in
+// eighty.
+TEST(FourStruts, StayInTheModeOfHomeWhereNoSingularPoseLiesBetween) {
+  const AnyMachine m = read(R"(
+family = "parallel"
+task = ["x", "y", "z", "C"]
+home = { z_mm = 800 }
+tool = { z_mm = 120 }
+limits = { z_min_mm = 650, z_max_mm = 950 }
+leg = [
+ { drive="strut", base_mm=[400,100,0], platform_mm=[150,-60,0], min_mm=500, max_mm=900 },
+ { drive="strut", base_mm=[-120,420,0], platform_mm=[70,150,0], min_mm=500, max_mm=900 },
+ { drive="strut", base_mm=[-410,-90,0], platform_mm=[-150,80,-20], min_mm=500, max_mm=900 },
+ { drive="strut", base_mm=[130,-400,0], platform_mm=[-60,-150,0], min_mm=500, max_mm=900 } ]
+constraint = [ { kind="line", platform_mm=[0,0,0], axis=[0,0,1], base_mm=[0,0,0] } ]
+)");
+  const Pose home = *kinematics::home_pose(m);
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  int judged = 0;
+  for (int trial = 0; trial < 1500; ++trial) {
+    const Vec3 p(0.25 * unit(random), 0.25 * unit(random), 0.8 + 0.14 * unit(random));
+    const double c = units::from_deg(60) * unit(random);
+    const auto between = [&](double s) { return Pose{rotation_z(s * c), home.p + s * (p - home.p)}; };
+    bool regular = true;
+    JointVector q;
+    for (int k = 0; k <= 40 && regular; ++k) {
+      const auto inverse = kinematics::inverse(m, between(k / 40.0));
+      regular = inverse.reachable() != nullptr;
+      if (!regular) break;
+      q = inverse.reachable()->joints;
+      const double at_home = kinematics::hold(m, home, kinematics::inverse(m, home).reachable()->joints).determinant;
+      const Pose X = kinematics::settled(m, between(k / 40.0), q);
+      regular = kinematics::hold(m, X, q).determinant / at_home > 0.02;
+    }
+    if (!regular) continue;
+    ++judged;
+    const auto forward = kinematics::forward(m, q);
+    ASSERT_EQ(forward.poses.size(), 1u);
+    EXPECT_LT((forward.poses[0].p - p).norm(), 1e-7) << 1e3 * p.transpose() << ", C " << units::to_deg(c);
+  }
+  EXPECT_GT(judged, 200);
 }
 
 TEST(Redundant, FourStrutsOnAPointCloseOnlyWhereTheyAgree) {

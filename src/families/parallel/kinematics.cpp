@@ -196,6 +196,42 @@ kinematics::NewtonResult forward_from(const Parallel& m, const JointVector& q, c
   return newton(m, q, out.X_MT);
 }
 
+namespace {
+
+/// How far a pose is from home, in sizes of the machine and rad.
+double away_from_home(const Parallel& m, const Pose& X) {
+  return (X.p - m.home.p).norm() / m.size + rotation_vector(m.home.R.transpose() * X.R).norm();
+}
+
+/// Of what Newton's method finds from starts all round home, those that `in_mode` takes, the nearest to home: one that
+/// keeps the limits of the machine's coordinates before others.
+template <class InMode>
+std::optional<kinematics::NewtonResult> nearest_in_mode(const Parallel& m, const JointVector& q, InMode&& in_mode) {
+  constexpr int kStarts = 120;
+  std::optional<kinematics::NewtonResult> out;
+  double nearest = 0;
+  Random random(1);
+  for (int k = 0; k < kStarts; ++k) {
+    const double wide = (k % 4 + 1) / 4.0;
+    Pose X = m.home;
+    for (double& x : X.p) x += wide * random.uniform(-1, 1) * m.size;
+    X.R = rotation_abc(wide * random.uniform(-1, 1) * std::numbers::pi,
+                       0.5 * wide * random.uniform(-1, 1) * std::numbers::pi,
+                       wide * random.uniform(-1, 1) * std::numbers::pi) *
+          X.R;
+    kinematics::NewtonResult found = forward_from(m, q, X);
+    if (!in_mode(found, q)) continue;
+    constexpr double kBeyondLimits = 1e3;
+    const double away = away_from_home(m, found.X_MT) + (violations_of(m, found.X_MT, q) != 0 ? kBeyondLimits : 0);
+    if (out && away >= nearest) continue;
+    nearest = away;
+    out = std::move(found);
+  }
+  return out;
+}
+
+}  // namespace
+
 kinematics::NewtonResult forward_from_home(const Parallel& m, const JointVector& q) {
   const kinematics::NewtonResult direct = forward_from(m, q, m.home);
   const std::optional<JointVector> home = joints_of(m, m.home);
@@ -218,7 +254,8 @@ kinematics::NewtonResult forward_from_home(const Parallel& m, const JointVector&
       at = next.X_MT;
     }
   }
-  return beyond;
+  // The straight way of the joints may lead over a singular pose where another way does not.
+  return side == 0 ? beyond : nearest_in_mode(m, q, in_mode).value_or(beyond);
 }
 
 Pose forward(const Parallel& m, const JointVector& q) {
