@@ -36,7 +36,7 @@ std::vector<std::string> postures_of(const AnyMachine& machine, const InverseRes
 }
 
 std::vector<std::string> all_postures(const AnyMachine& machine) {
-  if (const auto* arm = std::get_if<machine::SerialArm>(&machine); arm != nullptr && has_closed_inverse(*arm)) {
+  if (const auto* arm = std::get_if<machine::SerialArm>(&machine); arm != nullptr && names_branches(*arm)) {
     constexpr unsigned kMost = 8;
     std::vector<std::string> out;
     for (unsigned branch = 0; branch < kMost; ++branch) {

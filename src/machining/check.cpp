@@ -251,6 +251,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     const bool demands_joints = demands.judges(move, length);
     demands.next_move();
     for (int k = move.start_known ? 0 : steps; k <= steps; ++k) {
+      if (options.stop_at_first && !out.problems.empty()) return out;
       const Pose X = pose_at(double(k) / steps);
       const machine::JointVector& near = last.size() > 0 ? last : start;
       const kinematics::InverseResult inverse =

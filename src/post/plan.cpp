@@ -43,7 +43,7 @@ void add_name(std::vector<std::string>& names, std::string name) {
 /// All branches of an arm with a closed inverse; of another machine none, for they depend on the pose.
 std::vector<std::string> branches_of(const machine::AnyMachine& machine) {
   const auto* arm = std::get_if<machine::SerialArm>(&machine);
-  return arm != nullptr && machine::has_closed_inverse(*arm) ? kinematics::all_postures(machine)
+  return arm != nullptr && machine::names_branches(*arm) ? kinematics::all_postures(machine)
                                                              : std::vector<std::string>{};
 }
 

@@ -7,11 +7,10 @@
 #include <cmath>
 #include <numbers>
 
-#include "polypod/families/serial/cartesian.hpp"
 #include "polypod/families/serial/frames.hpp"
-#include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/geometry/trigonometry.hpp"
 #include "polypod/kinematics/closure.hpp"
+#include "redundant.hpp"
 #include "six_joints.hpp"
 
 namespace polypod::machine {
@@ -386,13 +385,6 @@ int WristInverse::first_within_limits(const Branches& branches) const {
 
 namespace {
 
-/// The closed inverse of an arm, if it has one.
-struct ClosedInverse {
-  std::optional<WristInverse> five;
-  std::optional<SixJointInverse> six;
-  std::optional<CartesianInverse> cartesian;
-};
-
 bool same_row(const DhRow& a, const DhRow& b) {
   return a.a == b.a && a.alpha == b.alpha && a.d == b.d && a.theta_offset == b.theta_offset && a.sign == b.sign &&
          a.kind == b.kind && a.locked == b.locked && a.range.min == b.range.min && a.range.max == b.range.max;
@@ -413,30 +405,66 @@ struct Geometry {
   }
 };
 
-/// That of the arm which this thread asked for last is at hand: comparing its figures takes a tenth of finding its
+struct Inverses {
+  ClosedInverse closed;
+  std::optional<RedundantInverse> redundant;
+};
+/// Those of the arm which this thread asked for last are at hand: comparing its figures takes a tenth of finding its
 /// form. Good until the next call.
-const ClosedInverse& closed_inverse(const SerialArm& arm) {
+const Inverses& inverses_of(const SerialArm& arm) {
   thread_local std::optional<Geometry> known;
-  thread_local ClosedInverse closed;
-  if (known && known->is_of(arm)) return closed;
+  thread_local Inverses found;
+  if (known && known->is_of(arm)) return found;
   known.reset();
-  closed = {};
-  if (const auto spherical = SphericalWristInverse::of(arm)) {
-    closed.six = *spherical;
-  } else if (const auto parallel = ThreeParallelInverse::of(arm)) {
-    closed.six = *parallel;
-  } else if (const auto pieper = PieperInverse::of(arm)) {
-    closed.six = *pieper;
-  } else if (const auto five = WristInverse::of(arm)) {
-    closed.five = *five;
-  } else if (const auto cartesian = CartesianInverse::of(arm)) {
-    closed.cartesian = *cartesian;
-  }
+  found.closed = ClosedInverse::of(arm);
+  found.redundant = found.closed.exists() ? std::nullopt : RedundantInverse::of(arm);
   known.emplace(arm);
-  return closed;
+  return found;
+}
+const ClosedInverse& closed_inverse(const SerialArm& arm) {
+  return inverses_of(arm).closed;
+}
+const std::optional<RedundantInverse>& redundant_inverse(const SerialArm& arm) {
+  return inverses_of(arm).redundant;
+}
+
+InverseResult all_of(const WristInverse& five, const Pose& X_MT) {
+  InverseResult out;
+  out.solutions.reserve(WristInverse::kBranches);
+  WristInverse::Branches branches;
+  five.solve(X_MT.p, X_MT.R.col(2), branches);
+  for (int b = 0; b < WristInverse::kBranches; ++b) {
+    if (!branches.exists[b]) continue;
+    const JointVector& q = branches.joints[b];
+    out.solutions.push_back({q, unsigned(b), five.violations(q), branches.singular[b]});
+  }
+  if (out.solutions.empty()) out.reason = "the wrist centre is out of reach of the two links";
+  return out;
 }
 
 }  // namespace
+
+ClosedInverse ClosedInverse::of(const SerialArm& arm) {
+  ClosedInverse out;
+  if (const auto spherical = SphericalWristInverse::of(arm)) {
+    out.six = *spherical;
+  } else if (const auto parallel = ThreeParallelInverse::of(arm)) {
+    out.six = *parallel;
+  } else if (const auto pieper = PieperInverse::of(arm)) {
+    out.six = *pieper;
+  } else if (const auto five = WristInverse::of(arm)) {
+    out.five = *five;
+  } else if (const auto cartesian = CartesianInverse::of(arm)) {
+    out.cartesian = *cartesian;
+  }
+  return out;
+}
+
+InverseResult ClosedInverse::solve(const Pose& X_MT, const double* reference) const {
+  if (six) return std::visit([&](const auto& form) { return form.solve(X_MT, reference); }, *six);
+  if (cartesian) return cartesian->solve(X_MT, reference);
+  return all_of(*five, X_MT);
+}
 
 std::optional<SixJointInverse> six_joint_inverse(const SerialArm& arm) {
   return closed_inverse(arm).six;
@@ -444,6 +472,8 @@ std::optional<SixJointInverse> six_joint_inverse(const SerialArm& arm) {
 
 bool reaches(const SerialArm& arm, const Pose& X_MT, LimitBits heeded) {
   if (has_closed_inverse(arm)) return inverse(arm, X_MT).keeps(heeded);
+  const std::optional<RedundantInverse>& redundant = redundant_inverse(arm);
+  if (redundant && (redundant->own_limits() & ~heeded) == 0) return redundant->reaches(X_MT, heeded);
   kinematics::DampedOptions options;
   options.max_iterations = 60;
   constexpr int kMostInVain = 8;  // starts from which nothing was found, and nothing by any other
@@ -459,8 +489,12 @@ bool reaches(const SerialArm& arm, const Pose& X_MT, LimitBits heeded) {
 }
 
 bool has_closed_inverse(const SerialArm& arm) {
-  const ClosedInverse& closed = closed_inverse(arm);
-  return closed.five || closed.six || closed.cartesian;
+  return closed_inverse(arm).exists();
+}
+
+bool names_branches(const SerialArm& arm) {
+  const Inverses& found = inverses_of(arm);
+  return found.closed.exists() || found.redundant;
 }
 
 std::string branch_name(const SerialArm& arm, unsigned branch) {
@@ -468,17 +502,31 @@ std::string branch_name(const SerialArm& arm, unsigned branch) {
       "front elbow-up",   "front elbow-up wrist-flipped",   "back elbow-up",   "back elbow-up wrist-flipped",
       "front elbow-down", "front elbow-down wrist-flipped", "back elbow-down", "back elbow-down wrist-flipped"};
   if (branch >= WristInverse::kBranches) return fmt::format("numeric-{}", branch - kinematics::kNumericBranch + 1);
-  const ClosedInverse& closed = closed_inverse(arm);
+  const ClosedInverse& own = closed_inverse(arm);
+  const std::optional<RedundantInverse>& redundant = redundant_inverse(arm);
+  const ClosedInverse& closed = own.exists() || !redundant ? own : redundant->closed();
   if (closed.cartesian) return CartesianInverse::branch_name(branch);
   const std::optional<SixJointInverse>& six = closed.six;
   const bool numbered = six && std::holds_alternative<PieperInverse>(*six);
   return numbered ? fmt::format("arm-{}{}", branch / 2 + 1, branch % 2 == 0 ? "" : " wrist-flipped") : kNames[branch];
 }
 
+namespace {
+/// Solutions of a search in the branch of the closed inverse that they have, where there is one.
+void name_branches(const SerialArm& arm, const Pose& X_MT, InverseResult& found) {
+  const std::optional<RedundantInverse>& redundant = redundant_inverse(arm);
+  if (!redundant) return;
+  for (kinematics::Solution& s : found.solutions)
+    if (const auto branch = redundant->branch_of(X_MT, s.joints)) s.branch = *branch;
+}
+}  // namespace
+
 InverseResult inverse_from(const SerialArm& arm, const Pose& X_MT, const JointVector& start) {
   kinematics::DampedOptions options;
   options.start = start;
-  return inverse_numerically(arm, X_MT, options);
+  InverseResult out = inverse_numerically(arm, X_MT, options);
+  name_branches(arm, X_MT, out);
+  return out;
 }
 
 namespace {
@@ -498,17 +546,20 @@ InverseResult found_numerically(const SerialArm& arm, const Pose& X_MT) {
   return out;
 }
 
-InverseResult solutions_of(const SixJointInverse& inverse, const Pose& X_MT, const double* reference) {
-  return std::visit([&](const auto& form) { return form.solve(X_MT, reference); }, inverse);
+/// Over the closed inverse of an arm with one joint more; where that keeps no limits, by search, too.
+InverseResult found_over(const RedundantInverse& redundant, const SerialArm& arm, const Pose& X_MT) {
+  InverseResult out = redundant.solve(X_MT);
+  if (out.reachable() != nullptr) return out;
+  InverseResult searched = found_numerically(arm, X_MT);
+  if (searched.reachable() == nullptr && !out.solutions.empty()) return out;
+  name_branches(arm, X_MT, searched);
+  return searched;
 }
 }  // namespace
 
 InverseResult inverse_near(const SerialArm& arm, const Pose& X_MT, const JointVector& last) {
   const ClosedInverse& closed = closed_inverse(arm);
-  if (closed.six) return solutions_of(*closed.six, X_MT, last.data());
-  if (closed.cartesian) return closed.cartesian->solve(X_MT, last.data());
-  if (closed.five) return inverse(arm, X_MT);
-  return inverse_from(arm, X_MT, last);
+  return closed.exists() ? closed.solve(X_MT, last.data()) : inverse_from(arm, X_MT, last);
 }
 
 std::function<std::optional<JointVector>(const Pose&)> joint_finder(const SerialArm& arm) {
@@ -537,32 +588,23 @@ std::function<std::optional<JointVector>(const Pose&)> joint_finder(const Serial
       return first < 0 ? Found() : branches.joints[first];
     };
   }
+  const auto first_of = [](const InverseResult& found) {
+    const kinematics::Solution* first = found.reachable();
+    return first == nullptr ? Found() : first->joints;
+  };
   if (closed.cartesian) {
-    return [form = *closed.cartesian](const Pose& X_MT) -> Found {
-      const InverseResult found = form.solve(X_MT);
-      const kinematics::Solution* first = found.reachable();
-      return first == nullptr ? Found() : first->joints;
-    };
+    return [form = *closed.cartesian, first_of](const Pose& X_MT) { return first_of(form.solve(X_MT)); };
+  }
+  if (const auto& redundant = redundant_inverse(arm)) {
+    return [form = *redundant, arm, first_of](const Pose& X_MT) { return first_of(found_over(form, arm, X_MT)); };
   }
   return {};
 }
 
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT) {
-  const ClosedInverse& closed = closed_inverse(arm);
-  if (closed.six) return solutions_of(*closed.six, X_MT, nullptr);
-  if (closed.cartesian) return closed.cartesian->solve(X_MT);
-  if (!closed.five) return found_numerically(arm, X_MT);
-  InverseResult out;
-  out.solutions.reserve(WristInverse::kBranches);
-  WristInverse::Branches branches;
-  closed.five->solve(X_MT.p, X_MT.R.col(2), branches);
-  for (int b = 0; b < WristInverse::kBranches; ++b) {
-    if (!branches.exists[b]) continue;
-    const JointVector& q = branches.joints[b];
-    out.solutions.push_back({q, unsigned(b), closed.five->violations(q), branches.singular[b]});
-  }
-  if (out.solutions.empty()) out.reason = "the wrist centre is out of reach of the two links";
-  return out;
+  const Inverses& found = inverses_of(arm);
+  if (found.closed.exists()) return found.closed.solve(X_MT);
+  return found.redundant ? found_over(*found.redundant, arm, X_MT) : found_numerically(arm, X_MT);
 }
 
 }  // namespace polypod::machine

@@ -1,0 +1,262 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "redundant.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+#include "polypod/families/serial/frames.hpp"
+#include "six_joints.hpp"
+
+namespace polypod::machine {
+namespace {
+
+constexpr int kGrid = 64;         // pieces of the range of u
+constexpr double kMisses = 1e3;   // costs of joints beyond their limits begin here ...
+constexpr double kNowhere = 1e6;  // ... and that of no solution is this
+constexpr double kNoLimit = 1e9;  // rad or m: a range as wide as this has no middle
+
+/// The places of the grid whose costs are no worse than their neighbours', the best first, up to five.
+std::vector<int> lowest_of(const std::array<double, kGrid + 1>& costs) {
+  constexpr std::size_t kMost = 5;
+  std::vector<int> out;
+  const auto at = [&](int k) { return costs[static_cast<std::size_t>(k)]; };
+  for (int k = 0; k <= kGrid; ++k) {
+    if (at(k) < kNowhere && (k == 0 || at(k - 1) >= at(k)) && (k == kGrid || at(k + 1) >= at(k))) out.push_back(k);
+  }
+  std::stable_sort(out.begin(), out.end(), [&](int i, int k) { return at(i) < at(k); });
+  if (out.size() > kMost) out.resize(kMost);
+  return out;
+}
+
+}  // namespace
+
+std::optional<RedundantInverse> RedundantInverse::of(const SerialArm& arm) {
+  RedundantInverse out;
+  out.inner_ = arm;
+  out.convention_ = arm.convention;
+  for (const DhRow& row : arm.dh) {
+    if (!row.locked) out.range_.push_back(row.range);
+    if (row.kind == JointKind::revolute) out.length_ += std::abs(row.a) + std::abs(row.d);
+  }
+  out.length_ = std::max(0.5 * out.length_, 1e-3);
+  const int more = arm.free_joints() - arm.task.size();
+  if (more != 1 || arm.free_joints() < 6) return std::nullopt;
+  if (arm.task == Task::axis && arm.free_joints() == 6) {
+    out.inner_.task = Task::pose;
+    out.closed_ = ClosedInverse::of(out.inner_);
+    out.low_ = -std::numbers::pi;
+    out.high_ = std::numbers::pi;
+    if (out.closed_.exists()) return out;
+    out.inner_.task = arm.task;
+  }
+  if (arm.free_joints() > 7) return std::nullopt;
+  const auto first = std::find_if(arm.dh.begin(), arm.dh.end(), [](const DhRow& r) { return !r.locked; });
+  out.row_ = *first;
+  const JointRange range = first->range;
+  if (!(range.max - range.min < kNoLimit)) return std::nullopt;
+  const auto index = static_cast<std::size_t>(first - arm.dh.begin());
+  const std::vector<Pose> frames = frames_of_table(arm, kinematics::JointVector::Zero(arm.free_joints()));
+  out.X_MB_ = frames[index];
+  out.at_zero_ = frames[index + 1];
+  out.inner_.X_MB = out.at_zero_;
+  out.inner_.dh.assign(first + 1, arm.dh.end());
+  out.closed_ = ClosedInverse::of(out.inner_);
+  if (!out.closed_.exists()) return std::nullopt;
+  out.carried_ = true;
+  out.low_ = range.min;
+  out.high_ = range.max;
+  return out;
+}
+
+Pose RedundantInverse::target(const Pose& X_MT, double u) const {
+  if (!carried_) return {X_MT.R * rotation_z(u), X_MT.p};
+  // What the joint moves is a screw about the z axis of its frame: before the twist (standard) or behind it (modified).
+  const Mat3& axes = convention_ == DhConvention::standard ? X_MB_.R : at_zero_.R;
+  const Vec3& point = convention_ == DhConvention::standard ? X_MB_.p : at_zero_.p;
+  const Vec3 z = axes.col(2);
+  if (row_.kind == JointKind::prismatic) return {X_MT.R, X_MT.p - row_.sign * u * z};
+  const Mat3 back = Eigen::AngleAxisd(-row_.sign * u, z).toRotationMatrix();
+  return {back * X_MT.R, point + back * (X_MT.p - point)};
+}
+
+double RedundantInverse::at_grid(int k) const {
+  return low_ + (high_ - low_) * k / kGrid;
+}
+
+double RedundantInverse::near_singular(const kinematics::JointVector& q) const {
+  constexpr double kNear = 0.02;  // of |det S|, which is some hundredths to tenths far from singular poses
+  const kinematics::JointVector behind = carried_ ? q.tail(q.size() - 1) : q;
+  const JacobianMatrix J = forward_jacobian(inner_, behind).J;
+  double determinant = 0;
+  if (behind.size() == 6) {
+    Eigen::Matrix<double, 6, 6> S = J;
+    S.topRows<3>() /= length_;
+    determinant = std::abs(S.determinant());
+  } else {  // of the tip and the directions of the tool axis
+    const Vec3 k = forward(inner_, behind).R.col(2);
+    Eigen::Matrix<double, 5, 5> S;
+    Vec3 across = k.unitOrthogonal();
+    S.topRows<3>() = J.topRows<3>() / length_;
+    S.row(3) = across.transpose() * J.bottomRows<3>();
+    S.row(4) = k.cross(across).transpose() * J.bottomRows<3>();
+    determinant = std::abs(S.determinant());
+  }
+  return square(kNear / (determinant + kNear));
+}
+
+void RedundantInverse::take(unsigned branch, double u, const double* q, bool singular, const Ask& ask, All& out) const {
+  if (ask.branch && *ask.branch != branch) return;
+  One& one = out[branch];
+  one.exists = true;
+  one.singular = singular;
+  one.violations = 0;
+  const int n = static_cast<int>(range_.size());
+  one.joints.resize(n);
+  if (carried_) one.joints[0] = u;
+  for (int i = carried_ ? 1 : 0; i < n; ++i) one.joints[i] = *q++;
+  double from_middle = 0, beyond = 0;
+  for (int i = 0; i < n; ++i) {
+    const JointRange& range = range_[static_cast<std::size_t>(i)];
+    const double width = range.max - range.min, at = one.joints[i];
+    const bool low = at<range.min - six::kLimitSlack, high = at> range.max + six::kLimitSlack;
+    one.violations |= kinematics::LimitBits{low} << (2 * i) | kinematics::LimitBits{high} << (2 * i + 1);
+    if (width > 0 && width < kNoLimit) from_middle += square((at - 0.5 * (range.min + range.max)) / width);
+    const double scale = width > 0 && width < kNoLimit ? width : 1.0;
+    if (low && (ask.heeded >> (2 * i) & 1) != 0) beyond += (range.min - at) / scale;
+    if (high && (ask.heeded >> (2 * i + 1) & 1) != 0) beyond += (at - range.max) / scale;
+  }
+  one.cost = beyond > 0 ? kMisses + beyond : ask.any ? 0 : from_middle + near_singular(one.joints);
+}
+
+void RedundantInverse::look(const Pose& X_MT, double u, const Ask& ask, All& out) const {
+  const Pose X = target(X_MT, u);
+  for (One& one : out) {
+    one.exists = false;
+    one.cost = kNowhere;
+  }
+  if (closed_.six) {
+    SixJointBranches found;
+    std::visit([&](const auto& form) { form.solve(X, found); }, *closed_.six);
+    for (unsigned b = 0; b < kBranches; ++b)
+      if (found.exists[b]) take(b, u, found.joints[b], found.singular[b], ask, out);
+  } else if (closed_.five) {
+    WristInverse::Branches found;
+    closed_.five->solve(X.p, X.R.col(2), found);
+    for (unsigned b = 0; b < kBranches; ++b)
+      if (found.exists[b]) take(b, u, found.joints[b].data(), found.singular[b], ask, out);
+  } else {
+    for (const kinematics::Solution& s : closed_.cartesian->solve(X).solutions)
+      take(s.branch, u, s.joints.data(), s.singular, ask, out);
+  }
+}
+
+RedundantInverse::One RedundantInverse::refined(const Pose& X_MT, const Ask& ask, int k) const {
+  constexpr double kGolden = 0.6180339887498949;
+  constexpr int kSections = 36;
+  double a = at_grid(k - 1), b = at_grid(k + 1);
+  if (carried_) {  // a turn goes round
+    a = std::max(a, low_);
+    b = std::min(b, high_);
+  }
+  All all;
+  One best;
+  best.cost = kNowhere;
+  const auto cost = [&](double u) {
+    look(X_MT, u, ask, all);
+    if (all[*ask.branch].cost < best.cost) best = all[*ask.branch];
+    return all[*ask.branch].cost;
+  };
+  cost(std::clamp(at_grid(k), a, b));
+  double c = b - kGolden * (b - a), d = a + kGolden * (b - a);
+  double at_c = cost(c), at_d = cost(d);
+  for (int i = 0; i < kSections && !(ask.any && best.cost < kMisses); ++i) {
+    if (at_c < at_d) {
+      b = d;
+      d = c;
+      at_d = at_c;
+      c = b - kGolden * (b - a);
+      at_c = cost(c);
+    } else {
+      a = c;
+      c = d;
+      at_c = at_d;
+      d = a + kGolden * (b - a);
+      at_d = cost(d);
+    }
+  }
+  return best;
+}
+
+kinematics::InverseResult RedundantInverse::solve(const Pose& X_MT) const {
+  constexpr kinematics::LimitBits kAll = ~kinematics::LimitBits{0};
+  std::array<std::array<double, kGrid + 1>, kBranches> costs;
+  All all;
+  for (int k = 0; k <= kGrid; ++k) {
+    look(X_MT, at_grid(k), {kAll, {}, false}, all);
+    for (std::size_t b = 0; b < kBranches; ++b) costs[b][static_cast<std::size_t>(k)] = all[b].cost;
+  }
+  std::vector<std::pair<double, kinematics::Solution>> found;
+  for (unsigned b = 0; b < kBranches; ++b) {
+    One best;
+    best.cost = kNowhere;
+    for (const int k : lowest_of(costs[b])) {
+      One one = refined(X_MT, {kAll, b, false}, k);
+      if (one.cost < best.cost) best = std::move(one);
+      if (best.cost < kMisses) break;
+    }
+    if (best.cost >= kNowhere) continue;
+    found.emplace_back(best.cost, kinematics::Solution{best.joints, b, best.violations, best.singular});
+  }
+  std::stable_sort(found.begin(), found.end(), [](const auto& x, const auto& y) { return x.first < y.first; });
+  kinematics::InverseResult out;
+  for (auto& [cost, solution] : found) out.solutions.push_back(std::move(solution));
+  if (out.solutions.empty()) out.reason = "the arm does not reach it, wherever the joint that is free stands";
+  return out;
+}
+
+bool RedundantInverse::reaches(const Pose& X_MT, kinematics::LimitBits heeded) const {
+  std::array<std::array<double, kGrid + 1>, kBranches> costs;
+  All all;
+  for (int i = 0; i <= kGrid; ++i) {  // from the middle to either side
+    const int k = kGrid / 2 + (i % 2 == 0 ? 1 : -1) * ((i + 1) / 2);
+    look(X_MT, at_grid(k), {heeded, {}, true}, all);
+    for (std::size_t b = 0; b < kBranches; ++b) {
+      costs[b][static_cast<std::size_t>(k)] = all[b].cost;
+      if (all[b].cost < kMisses) return true;
+    }
+  }
+  for (unsigned b = 0; b < kBranches; ++b) {
+    for (const int k : lowest_of(costs[b]))
+      if (refined(X_MT, {heeded, b, true}, k).cost < kMisses) return true;
+  }
+  return false;
+}
+
+std::optional<unsigned> RedundantInverse::branch_of(const Pose& X_MT, const kinematics::JointVector& q) const {
+  double u = 0;
+  if (carried_) {
+    u = q[0];
+  } else {  // the turn of the tool that these joints make
+    const Mat3 R = X_MT.R.transpose() * forward(inner_, q).R;
+    u = std::atan2(R(1, 0), R(0, 0));
+  }
+  const kinematics::InverseResult inverse = closed_.solve(target(X_MT, u), q.data() + (carried_ ? 1 : 0));
+  std::optional<unsigned> out;
+  double nearest = 1e-3;  // rad or m: what a search leaves
+  for (const kinematics::Solution& s : inverse.solutions) {
+    double away = 0;
+    for (Eigen::Index i = 0; i < s.joints.size(); ++i) {
+      const double change = s.joints[i] - q[i + (carried_ ? 1 : 0)];
+      away = std::max(away, std::min(std::abs(change), std::abs(std::remainder(change, 2 * std::numbers::pi))));
+    }
+    if (away >= nearest) continue;
+    nearest = away;
+    out = s.branch;
+  }
+  return out;
+}
+
+}  // namespace polypod::machine
