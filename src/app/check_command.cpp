@@ -74,8 +74,8 @@ void print_answer(const std::string& program, const machining::CheckResult& resu
       fmt::print("  not judged: {} {}\n", p.kind, p.detail);
       continue;
     }
-    fmt::print("  not judged: {}:{}: {}: {}\n", program, p.line, p.kind == "end" ? "the whole move" : "its way",
-               p.detail);
+    const std::string what = p.kind == "end" ? "the whole move: " : p.kind == "way" ? "its way: " : "";
+    fmt::print("  not judged: {}:{}: {}{}\n", program, p.line, what, p.detail);
   }
   if (result.not_judged.size() > kShown) {
     fmt::print("  not judged: {} moves more, see --json\n", result.not_judged.size() - kShown);
@@ -371,9 +371,12 @@ Command check_command() {
                        shown("max"), r["unit"].get<std::string>(), shown("limit_min"), shown("limit_max"));
           }
           if (result.fastest_line > 0) {
-            fmt::print("joint speeds in cuts up to {:.1f} % of {} (joint {}, line {})\n", 100 * result.fastest.share,
-                       job.own_speeds ? "`joint_speeds`" : "the machine's limits", result.fastest.joint + 1,
-                       result.fastest_line);
+            constexpr double kMost = 1e4;  // beside a singular pose, where the figure is that of the halving
+            fmt::print(
+                "joint speeds in cuts {} % of {} (joint {}, line {})\n",
+                result.fastest.share > kMost ? "over 1000000" : fmt::format("up to {:.1f}", 100 * result.fastest.share),
+                job.own_speeds ? "`joint_speeds`" : "the machine's limits", result.fastest.joint + 1,
+                result.fastest_line);
           }
           if (result.hardest_line > 0) {
             fmt::print("joint accelerations in cuts up to {:.1f} % of `joint_accelerations` (joint {}, line {})\n",

@@ -22,6 +22,7 @@ constexpr int kCloser = 10;          // pieces of the way then, at least
 constexpr int kClosest = 200;
 constexpr double kOfAPiece = 0.05;  // rad or m, about what a joint may change in one of them
 constexpr int kMostHalvings = 20;
+constexpr double kAtOnce = 1e4;  // times its limit: beside a singular pose, where the figure is that of the halving
 
 /// Pieces of a way in which the joints change by so much.
 int closer_pieces(const JointVector& change) {
@@ -216,6 +217,8 @@ std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, con
   const bool turns = joint_kind(machine, fastest.joint) == JointKind::revolute;
   const double limit = limits[static_cast<std::size_t>(fastest.joint)];
   const auto user = [&](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
+  if (fastest.share > kAtOnce)
+    return fmt::format("joint {} would have to {} at once", fastest.joint + 1, turns ? "turn" : "move");
   return fmt::format("joint {} would go at {:.1f} {} where its limit is {:.1f}", fastest.joint + 1,
                      user(fastest.share * limit), turns ? "deg/s" : "mm/s", user(limit));
 }

@@ -244,6 +244,7 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
   std::optional<CheckProblem> first;
   std::set<int> lines;
   LinesFollowed singular, fast, hard;
+  for (const CheckProblem& pose : checked.passed) singular.add(pose);
   for (const CheckProblem& problem : checked.problems) {
     if (problem.kind == "singular" && problem.held) {
       singular.add(problem);

@@ -59,6 +59,27 @@ std::string unknown_axes(const std::array<bool, 3>& known) {
   return listed(names) + (names.size() == 1 ? " is" : " are");
 }
 
+// Of the acceleration that just keeps a limit, what a remedy names: the points that are looked at change with it.
+constexpr double kRemedy = 0.999;
+
+/// Of a feed move that only turns the tool: its turn as LinuxCNC takes F of such moves, degrees a minute along the root
+/// of the sum of the squares of A, B and C; 0 where no time is known (G93) or it is another move.
+double seconds_of_turn(const gcode::Move& move, double length) {
+  if (length > 0 || move.kind == gcode::MoveKind::rapid || !move.start_known || !(move.feed > 0) ||
+      move.feed_mode != gcode::FeedMode::per_minute) {
+    return 0;
+  }
+  constexpr double kMmPerInch = 25.4;
+  const double deg_per_min = units::to_mm_per_min(move.feed) / (move.inches ? kMmPerInch : 1);
+  return 60 * units::to_deg((move.axes_end - move.axes_start).norm()) / deg_per_min;
+}
+
+/// "; up to 1230 mm/min it would keep it".
+std::string slower(double rate, const char* unit) {
+  const double kept = std::floor(rate);
+  return kept < 1 ? "; no feed would keep it" : fmt::format("; up to {:.0f} {} it would keep it", kept, unit);
+}
+
 /// Collects what the cuts ask of the joints. Of each move, the worst of either kind becomes a problem.
 class Demands {
  public:
@@ -66,12 +87,14 @@ class Demands {
       : machine_(machine), limits_(limits), out_(out) {}
   [[nodiscard]] bool judges(const gcode::Move& move, double length) const {
     return (!limits_.joint_speeds.empty() || !limits_.joint_accelerations.empty()) &&
-           move.kind != gcode::MoveKind::rapid && move.feed > 0 && length > 0 && move.start_known;
+           ((move.kind != gcode::MoveKind::rapid && move.feed > 0 && length > 0 && move.start_known) ||
+            seconds_of_turn(move, length) > 0);
   }
   /// Whether quick joints are judged by their speed.
   [[nodiscard]] bool speeds() const { return !limits_.joint_speeds.empty(); }
-  /// The stretch of a move on `line`, run with `feed`, that ends at `where`. Accelerations count with the speed that
-  /// the controller's own acceleration across the path leaves on an arc of this radius (0: a line).
+  /// The stretch of a move on `line`, run with `feed` (m/s; rad/s where it only turns the tool), that ends at `where`.
+  /// Accelerations count with the speed that the controller's own acceleration across the path leaves on an arc of this
+  /// radius (0: a line).
   void look(const machine::JointVector& from, const machine::JointVector& to, kinematics::Stretch stretch, int line,
             double feed, double radius, const std::string& where) {
     if (!limits_.joint_speeds.empty()) {
@@ -85,11 +108,11 @@ class Demands {
       if (fastest.share > std::max(1.0, speed_.share)) {
         worst(speed_, "speed", fastest.share, line,
               fmt::format("{}: {}", where, kinematics::too_fast(machine_, fastest, limits_.joint_speeds)),
-              fmt::format("; up to {:.0f} mm/min it would keep it",
-                          std::floor(units::to_mm_per_min(feed / fastest.share))));
+              stretch.length > 0 ? slower(units::to_mm_per_min(feed) / fastest.share, "mm/min")
+                                 : slower(60 * units::to_deg(feed) / fastest.share, "deg/min"));
       }
     }
-    if (!limits_.joint_accelerations.empty()) {
+    if (!limits_.joint_accelerations.empty() && stretch.length > 0) {
       if (stretch.tip_acceleration > 0 && radius > 0 && feed * feed > stretch.tip_acceleration * radius) {
         feed = std::sqrt(stretch.tip_acceleration * radius);
         stretch.seconds = stretch.length / feed;
@@ -145,14 +168,14 @@ class Demands {
   static std::string remedy(const kinematics::HardestJoint& hardest, double feed, double tip_acceleration) {
     const double of_tip = hardest.share - hardest.of_speed;
     if (of_tip < 1) {
-      return fmt::format("; up to {:.0f} mm/min it would keep it",
-                         std::floor(units::to_mm_per_min(feed * std::sqrt((1 - of_tip) / hardest.of_speed))));
+      return slower(units::to_mm_per_min(feed * std::sqrt((1 - of_tip) / hardest.of_speed)), "mm/min");
     }
-    constexpr double kLeast = 10e-3;  // m/s^2, below which nobody sets a controller
-    const double most = tip_acceleration / of_tip;
+    constexpr double kLeast = 10e-3;   // m/s^2, below which nobody sets a controller
+    constexpr double kOfSpeed = 0.01;  // beyond which the feed is to fall, too
+    const double most = tip_acceleration * (1 - std::min(hardest.of_speed, kOfSpeed)) / of_tip;
     if (most < kLeast) return "";
     return fmt::format("; it would keep it with `max_acceleration_mm_per_s2` up to {:.0f}{}",
-                       std::floor(units::to_mm(most)), hardest.of_speed > 0.01 ? " and a smaller feed" : "");
+                       std::floor(units::to_mm(most)), hardest.of_speed > kOfSpeed ? " and a smaller feed" : "");
   }
 
   const machine::AnyMachine& machine_;
@@ -205,7 +228,14 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
   }
   kinematics::HoldOnPath held(machine);
   Demands demands(machine, options.limits, out);
-  bool turns_alone = false;
+  // Of turning joints whose speed nobody judges the one that moves most from pose to pose, from where that is near a
+  // singular pose: a degree or a millimetre of the tool asks for six degrees of a joint.
+  struct {
+    double most = 0.1;
+    int line = 0;
+    std::string what;
+  } hurries;
+  bool untimed = false;  // a turn, which is named
   std::size_t index = 0;
   double lean = 0;  // of the tool against the direction that the program means, where the machine cannot choose it
   for (const gcode::Move& move : interpretation.moves) {
@@ -216,7 +246,7 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     }
     ++index;
     const int line = program.blocks[static_cast<std::size_t>(move.block)].line;
-    bool reach = false, limit = false, singular = false, branch = false, axis = false, touching = false;
+    bool reach = false, limit = false, singular = false, passes = false, branch = false, axis = false, touching = false;
     const auto problem = [&](bool& seen, const char* kind, std::string detail) {
       if (!seen) out.problems.push_back({line, kind, std::move(detail)});
       seen = true;
@@ -241,7 +271,14 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
     const double speed = move.kind == gcode::MoveKind::rapid ? options.rapid_speed : move.feed;
     if (move.start_known) out.length += length;
     if (move.start_known && speed > 0) out.time += length / speed;
-    turns_alone = turns_alone || (move.start_known && !(length > 0) && turn > kNoTurn);
+    const double turn_time = seconds_of_turn(move, length);
+    out.time += turn_time;
+    if (move.start_known && move.kind != gcode::MoveKind::rapid && !(length > 0) && turn > kNoTurn &&
+        !(turn_time > 0) && !untimed) {
+      untimed = true;
+      out.not_judged.push_back(
+          {line, "time", "a move that only turns the tool with inverse time (G93), and its joints' speeds"});
+    }
     const int steps = std::max(
         {1, static_cast<int>(std::ceil(length / options.step)), static_cast<int>(std::ceil(turn / options.turn_step))});
     const auto pose_at = [&](double share) {
@@ -317,7 +354,20 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
                                          : fmt::format("{:.3g} deg of A, B, C", units::to_deg(turn / steps))));
         }
       }
-      if (best->singular) problem(singular, "singular", where());
+      if (follows && k > 0 && !jumps && !demands.speeds() && nearest > hurries.most) {
+        hurries = {nearest, line,
+                   fmt::format("{}: near singular: a joint moves by {} on the last {}; no limits say whether it can",
+                               where(), kinematics::largest_change(machine, joints - last),
+                               length > 0 ? fmt::format("{:.3g} mm", units::to_mm(length / steps))
+                                          : fmt::format("{:.3g} deg of A, B, C", units::to_deg(turn / steps)))};
+      }
+      if (best->singular) {
+        const std::string open = kinematics::in_words_free(kinematics::free_joints(machine, X, joints));
+        const std::string what = where() + (open.empty() ? "" : ": " + open);
+        if (!demands.speeds()) problem(singular, "singular", what);
+        if (demands.speeds() && !passes) out.passed.push_back({line, "singular", what});
+        passes = true;
+      }
       using At = kinematics::HoldOnPath::At;
       if (!follows) held.leave();
       if (const At at = held.next(X, joints); at != At::held && !singular) {
@@ -327,9 +377,11 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       if (jumps || singular) demands.no_remedies();
       if (demands_joints && follows && k > 0 && !jumps) {
         const double stretch = length / steps;
+        const double feed = length > 0 ? move.feed : (move.axes_end - move.axes_start).norm() / turn_time;
+        const double seconds = length > 0 ? stretch / feed : turn_time / steps;
         const bool arc = move.kind == gcode::MoveKind::arc;
-        demands.look(last, joints, {stretch / move.feed, stretch, way, options.limits.tip_acceleration}, line,
-                     move.feed, arc ? (move.start - move.centre).norm() : 0.0, where());
+        demands.look(last, joints, {seconds, stretch, way, options.limits.tip_acceleration}, line, feed,
+                     arc ? (move.start - move.centre).norm() : 0.0, where());
       }
       last = joints;
       if (options.touches) {
@@ -346,16 +398,16 @@ Result<CheckResult> check(const machine::AnyMachine& machine, const Pose& X_MW, 
       }
     }
   }
+  if (hurries.line > 0) out.not_judged.push_back({hurries.line, "near singular", hurries.what});
+  if (!out.passed.empty() && out.problems.empty()) {
+    const CheckProblem& first = out.passed.front();
+    out.notes.push_back(
+        fmt::format("line {}{}: singular, and the joints follow within their speeds ({}); a robot's own "
+                    "controller may stop there, and beside it joints turn fast",
+                    first.line, out.passed.size() > 1 ? " and others" : "", first.detail));
+  }
   const bool speeds = !options.limits.joint_speeds.empty(), hard = !options.limits.joint_accelerations.empty();
   const char* what = speeds && hard ? "speeds and accelerations" : hard ? "accelerations" : "speeds";
-  if (turns_alone) {
-    out.notes.push_back(
-        speeds || hard
-            ? fmt::format("moves that only turn the tool are not in the time, and the {} of the joints in them are not "
-                          "judged{}",
-                          what, speeds ? "; `polypod post` judges the speeds at its --turn-speed" : "")
-            : "moves that only turn the tool are not in the time");
-  }
   if ((speeds || hard) && out.fastest_line == 0 && out.hardest_line == 0 && !out.joints.empty())
     out.notes.push_back(fmt::format("no cut was there in which the {} of the joints could be judged", what));
   if (auto side = note_on_side(machine)) out.notes.push_back(std::move(*side));

@@ -44,7 +44,7 @@ void add_name(std::vector<std::string>& names, std::string name) {
 std::vector<std::string> branches_of(const machine::AnyMachine& machine) {
   const auto* arm = std::get_if<machine::SerialArm>(&machine);
   return arm != nullptr && machine::names_branches(*arm) ? kinematics::all_postures(machine)
-                                                             : std::vector<std::string>{};
+                                                         : std::vector<std::string>{};
 }
 
 bool is_a_branch(const machine::AnyMachine& machine, const std::string& name) {
@@ -82,6 +82,12 @@ struct Way {
   [[nodiscard]] double c(double s) const { return c_from + s * (c_to - c_from); }
 };
 
+/// "up to 1230 mm/min it would keep it".
+std::string slower(double feed) {
+  const double kept = std::floor(units::to_mm_per_min(feed));
+  return kept < 1 ? "no feed would keep it" : fmt::format("up to {:.0f} mm/min it would keep it", kept);
+}
+
 class Planner {
  public:
   Planner(const Configuration& configuration, const Path& path, const PlanOptions& options)
@@ -103,7 +109,7 @@ class Planner {
     out_ = {};
     out_.sets_c = sets_c_;
     placed_ = lost_ = false;
-    speed_line_ = 0;
+    speed_line_ = passed_line_ = 0;
     chooses_c_ = !start.c.empty();
     q_.resize(0);
     angles_.setZero();
@@ -123,7 +129,15 @@ class Planner {
     return true;
   }
 
-  Plan take_plan() { return std::move(out_); }
+  Plan take_plan() {
+    if (passed_line_ > 0) {
+      out_.notes.push_back(
+          fmt::format("line {}: singular, and the joints follow within their speeds; the robot's own "
+                      "controller may stop there, and beside it joints turn fast",
+                      passed_line_));
+    }
+    return std::move(out_);
+  }
   [[nodiscard]] const Plan& result() const { return out_; }
 
   /// The solutions within the limits at the first point.
@@ -389,7 +403,8 @@ class Planner {
               fmt::format("{}: a cut in the posture {}, not in {}", where(),
                           kinematics::branch_name(machine_, best->branch), options_.branch));
     }
-    if (best->singular) problem(step.line, "singular", where());
+    if (best->singular && options_.joint_speeds.empty()) problem(step.line, "singular", where());
+    if (best->singular && !options_.joint_speeds.empty() && passed_line_ == 0) passed_line_ = step.line;
     if (!follows || lost_) held_.leave();
     if (const auto at = held_.next(X, joints); at != kinematics::HoldOnPath::At::held && !best->singular) {
       problem(step.line, "singular", fmt::format("{}: {}", where(), in_words(at)));
@@ -448,10 +463,9 @@ class Planner {
     const bool worse = speed_line_ == step.line;
     speed_line_ = step.line;
     speed_share_ = share;
-    std::string detail = fmt::format("{}; {}", kinematics::too_fast(machine_, fastest, options_.joint_speeds),
-                                     step.feed > 0 ? fmt::format("up to {:.0f} mm/min it would keep it",
-                                                                 std::floor(units::to_mm_per_min(step.feed / share)))
-                                                   : std::string("a slower --turn-speed would keep it"));
+    std::string detail =
+        fmt::format("{}; {}", kinematics::too_fast(machine_, fastest, options_.joint_speeds),
+                    step.feed > 0 ? slower(step.feed / share) : std::string("a slower --turn-speed would keep it"));
     const auto known = std::find_if(out_.problems.rbegin(), out_.problems.rend(),
                                     [&](const PlanProblem& p) { return p.line == step.line && p.kind == "speed"; });
     if (worse && known != out_.problems.rend()) {
@@ -590,6 +604,7 @@ class Planner {
   Mat3 R_MW_ = rotation_z(options_.rotation);
   int speed_line_ = 0;      // of the last problem with a speed
   double speed_share_ = 0;  // the largest of that line
+  int passed_line_ = 0;     // the first with a singular pose that the joints follow
   bool chooses_c_ = false;
   bool lost_ = false;    // the last rapid went to a place that is not known whole
   bool jumped_ = false;  // to the last pose, which is named

@@ -88,13 +88,32 @@ TEST(Check, JointSpeedsAreThoseOfTheJacobian) {
   EXPECT_FALSE(checked(0.99 * most).ok);
   EXPECT_TRUE(checked(1.01 * most).ok);
   EXPECT_EQ(check(e, Vec3(0, -1300, 0)).fastest_line, 0) << "no limits, nothing judged";
-  // A turn alone, and rapids, are no cuts: what was not judged is said.
-  const auto turn = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X0 Y0 Z0 A0 B0\nG1 A20 F9000\nM2\n");
-  const auto r = testing::unwrap(
-      machining::check(turn.job.machine, Pose{Mat3::Identity(), origin}, turn.program, turn.interpretation, options));
-  EXPECT_EQ(r.fastest_line, 0);
-  EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("speeds of the joints in them are not judged")));
-  EXPECT_THAT(r.notes, ::testing::Contains(::testing::HasSubstr("no cut was there")));
+  // A turn alone takes F as degrees a minute, in inches, too; against differences of the inverse. With inverse time
+  // nothing says how long it takes.
+  const auto at = [&](double a_deg) {
+    const Pose X{rotation_abc(units::from_deg(a_deg), 0, 0), origin};
+    return kinematics::inverse(e.job.machine, X).reachable()->joints;
+  };
+  double turning = 0;  // rad/s
+  for (double a = 0; a < 20; a += 0.05)
+    turning = std::max(turning, (at(a + 0.05) - at(a)).cwiseAbs().maxCoeff() / (0.05 / (9000.0 / 60)));
+  const auto turned = [&](const std::string& text) {
+    const auto turn = testing::with_program("slavkovic_square", "G21 G90 G94\nG0 X0 Y0 Z0 A0 B0\n" + text + "M2\n");
+    options.limits.joint_speeds.assign(5, turning);
+    return testing::unwrap(
+        machining::check(turn.job.machine, Pose{Mat3::Identity(), origin}, turn.program, turn.interpretation, options));
+  };
+  for (const char* text : {"G1 A20 F9000\n", "G20\nG1 A20 F9000\n"}) {
+    const auto r = turned(text);
+    EXPECT_GE(r.fastest_line, 3);
+    EXPECT_NEAR(r.fastest.share, 1, 0.01);
+    EXPECT_NEAR(r.time, 20.0 / 9000 * 60, 1e-9);
+  }
+  const auto untimed = turned("G93 G1 A20 F10\n");
+  EXPECT_EQ(untimed.fastest_line, 0);
+  EXPECT_THAT(untimed.notes, ::testing::Contains(::testing::HasSubstr("no cut was there")));
+  ASSERT_EQ(untimed.not_judged.size(), 2u);
+  EXPECT_EQ(untimed.not_judged[1].kind, "time");
 }
 
 /// A line that passes 1 mm beside the poses at which joint 5 of a spherical wrist is straight: joint 4 turns by some 50
@@ -151,6 +170,41 @@ TEST(Check, AJointThatHurriesDoesNotJump) {
   EXPECT_EQ(accepted().error().id, "MC210");
   with.job.joint_speeds.assign(6, fast / 2);
   EXPECT_TRUE(accepted().has_value()) << "speeds are the answer of check";
+}
+
+/// Beside a straight wrist a millimetre asks for six degrees of a joint and more: named where no speeds are judged. A
+/// line that leads through it, the joints following, is judged by these where they are known.
+TEST(Check, PosesNearAStraightWristAreNamedWhereNobodyJudgesSpeeds) {
+  const machine::AnyMachine m = test::load(
+      "kuka-kr210", {{"tool.x_mm", "300"}, {"tool.z_mm", "150"}, {"tool.a_deg", "0"}, {"tool.b_deg", "-90"}});
+  const machine::JointVector q =
+      (machine::JointVector(6) << 0, units::from_deg(-60), units::from_deg(60), 0, 0, 0).finished();
+  const Pose X_MW{Mat3::Identity(), kinematics::forward(m, q).poses.front().p};
+  const auto checked = [&](const char* text, double limit) {
+    const auto e = testing::with_program("slavkovic_square", std::string("G21 G90 G94\n") + text + "M2\n");
+    machining::CheckOptions options;
+    if (limit > 0) options.limits.joint_speeds.assign(6, limit);
+    return testing::unwrap(machining::check(m, X_MW, e.program, e.interpretation, options));
+  };
+  const auto kinds = [](const std::vector<machining::CheckProblem>& of) {
+    std::vector<std::string> out;
+    for (const auto& p : of) out.push_back(p.kind);
+    return out;
+  };
+  const char* beside = "G0 X0 Y0 Z-20 A0.3 B0 C0.3\nG1 Z20 F600\n";
+  const auto unknown = checked(beside, 0);
+  EXPECT_TRUE(unknown.ok);
+  ASSERT_THAT(kinds(unknown.not_judged), ::testing::ElementsAre("way", "near singular"));
+  EXPECT_THAT(unknown.not_judged[1].detail, ::testing::HasSubstr("deg on the last 1 mm"));
+  EXPECT_THAT(kinds(checked(beside, 100).not_judged), ::testing::ElementsAre("way"));
+  EXPECT_THAT(kinds(checked("G0 X0 Y0 Z-20 A20 B0 C0\nG1 Z20 F600\n", 0).not_judged), ::testing::ElementsAre("way"));
+  const char* through = "G0 X0 Y0 Z-20 A0 B0 C0\nG1 Z0 F600\nZ20\n";
+  const auto follows = checked(through, 100);
+  EXPECT_TRUE(follows.ok);
+  ASSERT_EQ(follows.passed.size(), 2u);
+  EXPECT_EQ(follows.passed[0].line, 3);
+  EXPECT_THAT(follows.notes, ::testing::Contains(::testing::HasSubstr("joints 4 and 6 can move together")));
+  EXPECT_THAT(kinds(checked(through, 0).problems), ::testing::ElementsAre("singular", "singular"));
 }
 
 /// The accelerations of joints on a circle against dense differences of the joints in time, and against J^-1 of the

@@ -28,8 +28,12 @@ struct CheckResult {
   std::vector<CheckProblem> problems;  ///< the first of each kind of each move
   /// Moves of which X, Y and Z are not known from their start on, since the program has not said where the tool is:
   /// "end" (neither where it ends nor its way is judged) or "way" (its end is judged). And "limits", with line 0, where
-  /// those of the joints are assumed.
+  /// those of the joints are assumed, "time" (a turn of the tool in G93), and "near singular": where joints whose speeds
+  /// have no limits move most, from 0.1 rad on between two points that are looked at.
   std::vector<CheckProblem> not_judged;
+  /// Singular poses that the joints follow without a jump, where their speeds are judged: no problems, of each move the
+  /// first.
+  std::vector<CheckProblem> passed;
   double time = 0;    ///< s, of the feed moves and, at `rapid_speed`, the rapids; without acceleration
   double length = 0;  ///< m
   std::vector<machine::JointRange>
@@ -44,7 +48,7 @@ struct CheckResult {
 };
 
 /// What cuts may ask of the joints, one number a joint; empty: not judged. At the programmed feed, point to point; not
-/// of rapids, which a controller slows down, nor of moves that only turn the tool.
+/// of rapids, which a controller slows down. Moves that only turn the tool take F as degrees a minute, as in LinuxCNC.
 struct MotionLimits {
   std::vector<double> joint_speeds;         ///< rad/s or m/s
   std::vector<double> joint_accelerations;  ///< rad/s^2 or m/s^2
