@@ -124,6 +124,21 @@ std::string box_in_words(const machining::Job& job) {
                      stock.hollow() == nullptr || job.tool_frame.tilted ? "" : ", hollow where the other side was cut");
 }
 
+int line_of(const Input& in, int move) {
+  const gcode::Move& m = in.interpretation.moves[static_cast<std::size_t>(move)];
+  return in.program.blocks[static_cast<std::size_t>(m.block)].line;
+}
+
+/// What is said of machining::lever_change.
+std::string in_words(const machining::LeverChange& levers, int line) {
+  if (levers.points == 0)
+    return "what the load changes of them is known of serial arms with compliances of joints alone";
+  if (!levers.settles) return "no balance under the load was found at some points: the arm gives way";
+  return fmt::format("the load changes them: up to {:.2f} um of {:.1f} um, {} %, in line {}; not in the deflections",
+                     to_um(levers.most), to_um(levers.deflection),
+                     levers.deflection > 0 ? fmt::format("{:.2g}", 100 * levers.most / levers.deflection) : "0", line);
+}
+
 }  // namespace
 
 Command predict_command() {
@@ -131,7 +146,7 @@ Command predict_command() {
     std::string program, job, report, stock_left, branch;
     std::vector<std::string> measured, covariances;
     double step_mm = 0;
-    bool at_rest = false, again = false;
+    bool at_rest = false, again = false, levers = false;
     VibrationQuestion vibration;
     WeightQuestion weight;
   };
@@ -150,6 +165,10 @@ Command predict_command() {
         a.flag("--again", o->again, "Take a program that Polypod has corrected like any other");
         a.flag("--at-rest", o->at_rest,
                "Force at the commanded point, without the feedback of the deflection on the cut");
+        a.flag(
+            "--levers", o->levers,
+            "How much the load changes the deflections of an arm by turning its levers (the term K_C of its stiffness "
+            "under load), which they leave out");
         o->vibration.declare(a);
         o->weight.declare(a);
       },
@@ -184,6 +203,7 @@ Command predict_command() {
         POLYPOD_ASSIGN(p, machining::predict(in.job, in.program, in.interpretation, options));
         POLYPOD_ASSIGN(band, machining::force_band(in.job, in.program, in.interpretation, p, options));
         const machining::MapBand map = machining::map_band(in.job, p);
+        const machining::LeverChange levers = o->levers ? machining::lever_change(in.job, p) : machining::LeverChange{};
         const machining::Uncertainty uncertainty =
             machining::uncertainty_of(in.job, p, pointer_to(known.compliances), pointer_to(known.parameters));
         options.progress(1);
@@ -281,6 +301,14 @@ Command predict_command() {
           add_map(document, in.job, map);
           add_uncertainty(document, uncertainty);
           add_tool(document, in.job);
+          if (o->levers) {
+            document["levers"] = levers.points == 0 ? Json()
+                                                    : Json{{"change_um", to_um(levers.most)},
+                                                           {"of_um", to_um(levers.deflection)},
+                                                           {"points", levers.points},
+                                                           {"balanced", levers.settles}};
+            if (levers.move >= 0) document["levers"]["line"] = line_of(in, levers.move);
+          }
           print_json(document, {{"moves", p.moves.size(), move_row}});
           return end(context, collision);
         }
@@ -325,6 +353,8 @@ Command predict_command() {
               to_um(band.normal_mean), to_um(band.deflection_max));
         }
         print_map(in.job, map);
+        if (o->levers)
+          fmt::print("levers         {}\n", in_words(levers, levers.move >= 0 ? line_of(in, levers.move) : 0));
         print_uncertainty(uncertainty, uncertainty.reach && within ? &*uncertainty.reach : nullptr);
         if (!p.moves.empty()) fmt::print("\n  line   length    normal error um     distance um  mean force N\n");
         constexpr std::size_t kMost = 40;

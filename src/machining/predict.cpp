@@ -27,6 +27,7 @@
 #include "polypod/machining/confidence.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "polypod/statics/under_load.hpp"
 #include "side.hpp"
 #include "way.hpp"
 
@@ -1067,6 +1068,27 @@ MapBand map_band(const Job& job, const Prediction& prediction) {
     out.normal.add(kHalf95 * std::sqrt(square));
     Mat3 C;
     if (joints && probe.at(p, C)) out.joints.add(((map.at(p) - C) * F).norm());
+  }
+  return out;
+}
+
+LeverChange lever_change(const Job& job, const Prediction& prediction) {
+  LeverChange out;
+  if (job.measured || !kinematics::is_serial(job.machine) || !statics::has_compliance(job.machine)) return out;
+  statics::Probe probe(job.machine, cutting_orientation(job), job.posture, job.start_joints);
+  for (const Sample& sample : prediction.few) {
+    if (job.tool_frame.turns) probe.turn_to(cutting_orientation(job, sample.axes));
+    Mat3 C;
+    if (!probe.at(job.X_MW * sample.command, C)) continue;
+    const auto loaded = statics::under_load(job.machine, probe.joints(), job.X_MW.R * sample.force);
+    ++out.points;
+    out.settles = out.settles && loaded.has_value();
+    if (!loaded) continue;
+    const double change = (loaded->exact - loaded->linear).norm();
+    if (out.move >= 0 && change <= out.most) continue;
+    out.most = change;
+    out.deflection = loaded->linear.norm();
+    out.move = sample.move;
   }
   return out;
 }

@@ -8,6 +8,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/families/delta/kinematics.hpp"
 #include "polypod/families/serial/kinematics.hpp"
+#include "polypod/statics/under_load.hpp"
 
 namespace polypod::statics {
 namespace {
@@ -75,6 +76,15 @@ TEST(Compliance, ProbeAgreesWithTheFullMatrix) {
   EXPECT_THAT(probe.why(), ::testing::HasSubstr("out of reach"));
 }
 
+Eigen::MatrixXd J_of(const machine::SerialArm& arm, const machine::JointVector& q) {
+  return machine::jacobian(arm, machine::forward(arm, q), q).topRows<3>();
+}
+machine::JointVector compliances(const machine::SerialArm& arm) {
+  machine::JointVector out(arm.free_joints());
+  for (Eigen::Index i = 0; i < out.size(); ++i) out[i] = arm.dh[static_cast<std::size_t>(i)].compliance;
+  return out;
+}
+
 // SLAV 4.5: where the compliances grow and fall in the plane z = 0, and which joints give the most.
 /// The exact balance, in which the joints turn and their levers with them, beside the linear one: what Chen and Kao's
 /// K_C stands for is at most 0.12 % of the deflection at 500 N (docs/limits.md).
@@ -96,6 +106,31 @@ TEST(Compliance, WhatTheLoadDoesToTheLeversIsSmall) {
       }
       const Vec3 linear = c.displacement(F), exact = X.p - machine::forward(arm, c.joints).p;
       EXPECT_GT(linear.norm(), 0.5e-3);
+      const auto loaded = under_load(lola(), c.joints, F);
+      ASSERT_TRUE(loaded);
+      EXPECT_LT((loaded->linear - linear).norm(), 1e-12);
+      EXPECT_LT((loaded->exact - exact).norm(), 1e-9);
+      // The first order of the difference is the term K_C = dJ^T/dq F, by differences of the Jacobian here.
+      const machine::JointVector turned = (J_of(arm, c.joints).transpose() * F).cwiseProduct(compliances(arm));
+      Eigen::MatrixXd K_C(q.size(), q.size());
+      constexpr double kStep = 1e-6;
+      for (Eigen::Index j = 0; j < q.size(); ++j) {
+        machine::JointVector more = c.joints, less = c.joints;
+        more[j] += kStep;
+        less[j] -= kStep;
+        K_C.col(j) = (J_of(arm, more) - J_of(arm, less)).transpose() * F / (2 * kStep);
+      }
+      // x = J C_q (1 - K_C C_q)^-1 J^T F, and half of what the levers move while the joints turn.
+      const Eigen::MatrixXd C_q = compliances(arm).asDiagonal();
+      const Vec3 by_term = J_of(arm, c.joints) * (C_q * (K_C * turned));
+      Vec3 by_levers = Vec3::Zero();
+      for (Eigen::Index j = 0; j < q.size(); ++j) {
+        machine::JointVector more = c.joints;
+        more[j] += kStep;
+        by_levers += 0.5 * turned[j] * (J_of(arm, more) - J_of(arm, c.joints)) / kStep * turned;
+      }
+      const Vec3 change = exact - linear;
+      EXPECT_LT((by_term + by_levers - change).norm(), 0.02 * change.norm());
       most = std::max(most, (exact - linear).norm() / linear.norm());
     }
   }

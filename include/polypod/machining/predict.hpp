@@ -238,6 +238,18 @@ struct MapBand {
 /// points.
 MapBand map_band(const Job& job, const Prediction& prediction);
 
+/// What the load changes of a prediction by turning the levers of an arm (statics::under_load), which its deflections
+/// leave out.
+struct LeverChange {
+  double most = 0;         ///< m, |exact - C F|
+  double deflection = 0;   ///< m, |C F| there
+  int move = -1;           ///< where
+  std::size_t points = 0;  ///< at which it was looked at
+  bool settles = true;     ///< false: at some point no balance was found
+};
+/// Over `prediction.few`. No points where the machine is no serial arm with compliances, or the job has a measured one.
+LeverChange lever_change(const Job& job, const Prediction& prediction);
+
 /// What a reader should know of a pass: rapids that touch material, cuts with the end of the cutter whose coefficients
 /// are assumed, points whose equilibrium did not settle.
 std::vector<std::string> pass_notes(const Job& job, const gcode::Program& program, const PassResult& pass);
