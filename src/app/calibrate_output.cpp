@@ -314,7 +314,8 @@ void print_calibration(const Calibration& c, const std::vector<calibration::Meas
   print_score("validation", c.held_back);
   if (c.held_back.rows > 0)
     fmt::print("(validation set: judged by a fit of the other rows; then all {} rows were fitted)\n", rows.size());
-  fmt::print("the residuals show {:.2f} times the noise that was given\n", c.noise_factor);
+  fmt::print("the residuals show {:.2f} times the noise that {}\n", c.noise_factor,
+             stated ? "was given" : "is assumed");
   fmt::print("chi-square {:.1f} with {:.1f} degrees of freedom", c.chi_square, c.free_equations);
   if (stated) {
     const std::string verdict = chi_square_verdict(c);

@@ -142,6 +142,7 @@ int print_modes(const Context& context, const machine::AnyMachine& m, const mach
       const auto broken = p["violations"].get<std::vector<std::string>>();
       fmt::print("{}  {}\n", pose_in_words(p["pose"], kinematics::task(m), 10),
                  broken.empty() ? "within all limits" : broken.front() + (broken.size() > 1 ? ", ..." : ""));
+      if (p.contains("whole_pose")) print_whole_pose(p["whole_pose"]);
     }
   }
   return modes.poses.empty() ? kAnswerIsNo : kDone;

@@ -133,7 +133,7 @@ int line_of(const Input& in, int move) {
 std::string in_words(const machining::LeverChange& levers, int line) {
   if (levers.points == 0)
     return "what the load changes of them is known of serial arms with compliances of joints alone";
-  if (!levers.settles) return "no balance under the load was found at some points: the arm gives way";
+  if (!levers.settles) return "no balance under the load was found at some points, where the arm would buckle";
   return fmt::format("the load changes them: up to {:.2f} um of {:.1f} um, {} %, in line {}; not in the deflections",
                      to_um(levers.most), to_um(levers.deflection),
                      levers.deflection > 0 ? fmt::format("{:.2g}", 100 * levers.most / levers.deflection) : "0", line);

@@ -118,6 +118,10 @@ Result<workspace::Options> WorkspaceOptions::options(const machine::AnyMachine& 
   out.cancelled = [] { return interrupted(); };
   if (context.progress) {
     out.progress = drawn_now_and_then([](const workspace::Progress& p) {
+      if (p.sampled) {
+        return fmt::format("workspace about {:.0f} .. {:.0f} mm3, a sample of {} points", units::to_mm3(p.lower),
+                           units::to_mm3(p.upper), p.cells);
+      }
       return fmt::format("workspace {:.0f} .. {:.0f} mm3, {} boxes, {:.0f} of about {:.0f} MB", units::to_mm3(p.lower),
                          units::to_mm3(p.upper), p.cells, kMbPerByte * p.bytes, kMbPerByte * p.bytes_estimate);
     });
@@ -307,6 +311,21 @@ std::string beyond_note(const machine::AnyMachine& m, const workspace::BeyondSin
   return beyond_text(m, beyond, "points drawn from it", "The volume includes");
 }
 
+/// Why a machine may reach nothing: its tool points away from the directions that are asked for, which are about z of
+/// M.
+void print_where_home_points(const machine::AnyMachine& m) {
+  const std::optional<Pose> home = kinematics::home_pose(m);
+  if (!home || !kinematics::task(m).turns()) return;
+  const Vec3 k = home->R.col(2);
+  constexpr double kAway = 0.5;  // cosine of 60 deg
+  if (k.z() > kAway) return;
+  const auto rounded = [](double x) { return std::round(100 * x) / 100 + 0.0; };
+  fmt::print(
+      "at home z of the tool points to ({:.2f}, {:.2f}, {:.2f}) in M, and directions are asked for about z of M: "
+      "turn the tool's frame, so that its z points from the tip to the spindle, or the base\n",
+      rounded(k.x()), rounded(k.y()), rounded(k.z()));
+}
+
 /// Whether a pose prescribes x, y, z and the turn about z, as of four-armed deltas and SCARA arms.
 bool turns_alone(const machine::Task& task) {
   return task.places() && task.holds(machine::Coordinate::c) && !workspace::tilts(task);
@@ -439,8 +458,10 @@ Command workspace_command() {
                   "the sample of {} points found none that is reached from every direction; that there is none "
                   "is not proven\n",
                   v.points);
+              print_where_home_points(m);
             } else if (v.empty) {
               fmt::print("no point is reachable from every direction (proven with {} boxes)\n", v.points);
+              print_where_home_points(m);
             } else {
               fmt::print("volume   {}\n", volume_text(v, workspace::has_bounds(m)));
               for (int k = 0; k < 3; ++k) {

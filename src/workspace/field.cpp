@@ -29,6 +29,12 @@ Vec3 Grid::at(std::size_t index) const {
   return at(static_cast<int>(index % nx), static_cast<int>(index / nx % ny), static_cast<int>(index / (nx * ny)));
 }
 
+namespace {
+constexpr const char* kAskWorkspace =
+    "`polypod workspace` says what is reached in these directions; `polypod fk` at the home joints where the tool "
+    "points";
+}  // namespace
+
 Vec3 spacing_of(const Vec3& size, int resolution, const machine::Task& task) {
   if (task.places()) return Vec3::Constant(size.maxCoeff() / (resolution - 1));
   Vec3 out = Vec3::Ones();
@@ -40,7 +46,7 @@ Vec3 spacing_of(const Vec3& size, int resolution, const machine::Task& task) {
 Result<Grid> grid_over(const Vec3& low, const Vec3& high, int resolution, const machine::Task& task) {
   POLYPOD_TRY(check_resolution(resolution));
   const Vec3 spacing = spacing_of(high - low, resolution, task);
-  if (!(spacing.minCoeff() > 0)) return fail("WS130", "the box of the grid is empty");
+  if (!(spacing.minCoeff() > 0)) return fail("WS130", "the box of the grid is empty", {}, kAskWorkspace);
   Grid grid;
   for (int k = 0; k < coordinates_of_points(task); ++k) {
     const int steps = static_cast<int>(std::ceil((high[k] - low[k]) / spacing[k] + 2 * kBeyond - 1e-9));
@@ -96,6 +102,8 @@ Result<Grid> grid_on(const Plane& plane, const Vec3& low, const Vec3& high, int 
     }
   }
   const double longest = std::max(u_high - u_low, v_high - v_low);
+  if (!(longest > 1e-9) && (high - low).isZero(0))
+    return fail("WS132", "nothing is reached in every direction that is asked for", {}, kAskWorkspace);
   if (!(longest > 1e-9)) {
     std::string at, box;
     const Vec3 point = for_user(task, plane.point), from = for_user(task, low), to = for_user(task, high);
