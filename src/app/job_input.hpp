@@ -31,8 +31,8 @@ inline constexpr const char* kBranchHelp =
     "else the first within the limits)";
 
 /// The posture of `--branch`, if it is given, in the place of the job's. Error: AP123, the first pose of the program
-/// has no solution within the limits in that posture; for the job's own only where it has others. And choose_start, in a
-/// note of the interpretation.
+/// has no solution within the limits in that posture; for the job's own only where it has others. And choose_start, in
+/// a note of the interpretation.
 Status begin_in(const std::string& branch, gcode::Interpretation& interpretation, machining::Job& job);
 /// The posture in which a program is judged: that of the job, else the first that keeps the limits at the start. Empty
 /// where the machine has one there, or does not reach it.

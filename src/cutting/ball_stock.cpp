@@ -97,7 +97,8 @@ double share_of(const Look& look, const Seen& whole, const Part& part, double ri
   for (int i = 0; i < kParts; ++i) {
     for (int k = 0; k < kParts; ++k) {
       constexpr double kSize = 1.0 / kParts;
-      Seen& ninth = ninths[static_cast<std::size_t>(kParts * i + k)];
+      Seen& ninth =
+          ninths[static_cast<std::size_t>(kParts) * static_cast<std::size_t>(i) + static_cast<std::size_t>(k)];
       ninth = look(part.kappa + (i - 1) * kSize * ring, outwards_at(part.phi + (k - 1) * kSize * sector), kSize);
       inside = inside || (ninth.height > 0 && ninth.over < -0.5 * ninth.height);
     }

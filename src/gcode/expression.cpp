@@ -21,7 +21,7 @@ constexpr double kEqual = 1e-4;
 /// How far an index may be from an integer.
 constexpr double kInteger = 1e-4;
 /// How deep brackets and signs may nest.
-constexpr int kDeepest = 100;
+constexpr int kDeepest = 250;
 
 bool is_blank(char c) {
   return c == ' ' || c == '\t' || c == '\r';

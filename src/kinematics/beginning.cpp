@@ -41,8 +41,8 @@ struct Step {
 
 class Ahead {
  public:
-  Ahead(const AnyMachine& machine, const std::function<std::optional<WayPiece>()>& next, const std::string& posture)
-      : machine_(machine), next_(next), posture_(posture) {}
+  Ahead(const AnyMachine& machine, const std::function<std::optional<WayPiece>()>& next, std::string posture)
+      : machine_(machine), next_(next), posture_(std::move(posture)) {}
 
   std::optional<Beginning> run() {
     if (!add_piece()) return std::nullopt;
@@ -71,6 +71,20 @@ class Ahead {
     return out;
   }
 
+  /// The name of the posture that the way comes to from these joints.
+  std::string posture_from(const JointVector& start) {
+    if (!add_piece()) return {};
+    const Pose first = pieces_.front().pose(0);
+    const InverseResult inverse = inverse_near(machine_, first, start);
+    const Solution* best = inverse.reachable();
+    if (best == nullptr) return {};
+    const int open = freedoms_left(machine_, first, best->joints);
+    if (open <= std::max(0, joint_count(machine_) - task(machine_).size())) return {};
+    JointVector q = best->joints;
+    const std::optional<Step> settles = first_with_less(q, open, &q);
+    return settles ? posture_of(machine_, q) : std::string();
+  }
+
  private:
   bool add_piece() {
     std::optional<WayPiece> piece = next_();
@@ -84,7 +98,7 @@ class Ahead {
   }
 
   /// The first pose that leaves less open than `open` joints; where it is out of reach the way ends.
-  std::optional<Step> first_with_less(JointVector q, int open) {
+  std::optional<Step> first_with_less(JointVector q, int open, JointVector* there = nullptr) {
     const bool head = is_head_on_linear_axes(machine_);  // what is open follows from the tool's direction
     Vec3 direction = pieces_.front().pose(0).R.col(2);
     int looked_at = 0;
@@ -98,7 +112,9 @@ class Ahead {
         const Solution* best = inverse.reachable();
         if (best == nullptr) return std::nullopt;
         q = best->joints;
-        if (freedoms_left(machine_, X, q) < open) return Step{i, k};
+        if (freedoms_left(machine_, X, q) >= open) continue;
+        if (there != nullptr) *there = q;
+        return Step{i, k};
       }
     }
     return std::nullopt;
@@ -130,7 +146,7 @@ class Ahead {
 
   const AnyMachine& machine_;
   const std::function<std::optional<WayPiece>()>& next_;
-  const std::string& posture_;
+  const std::string posture_;
   std::vector<WayPiece> pieces_;
 };
 
@@ -139,6 +155,11 @@ class Ahead {
 std::optional<Beginning> look_ahead(const AnyMachine& machine, const std::function<std::optional<WayPiece>()>& next,
                                     const std::string& posture) {
   return Ahead(machine, next, posture).run();
+}
+
+std::string posture_behind(const AnyMachine& machine, const std::function<std::optional<WayPiece>()>& next,
+                           const JointVector& start) {
+  return Ahead(machine, next, {}).posture_from(start);
 }
 
 std::string in_words(const AnyMachine& machine, const Beginning& beginning) {

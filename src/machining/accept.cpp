@@ -204,10 +204,10 @@ class LinesFollowed {
   }
   /// "line 12: ...", the first of them.
   [[nodiscard]] std::string first() const { return first_.empty() ? "" : fmt::format("line {}: {}", line_, first_); }
-  void note(const char* what, std::vector<std::string>& notes) const {
+  void note(const char* what, std::vector<std::string>& notes, bool refused = true) const {
     if (first_.empty()) return;
-    notes.push_back(fmt::format("line {}: {}, and `polypod check` answers no: {}{}", line_, what, first_,
-                                others({lines_.begin(), lines_.end()})));
+    notes.push_back(fmt::format("line {}: {}{}: {}{}", line_, what, refused ? ", and `polypod check` answers no" : "",
+                                first_, others({lines_.begin(), lines_.end()})));
   }
 
  private:
@@ -244,7 +244,8 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
   std::optional<CheckProblem> first;
   std::set<int> lines;
   LinesFollowed singular, fast, hard;
-  for (const CheckProblem& pose : checked.passed) singular.add(pose);
+  LinesFollowed passed;
+  for (const CheckProblem& pose : checked.passed) passed.add(pose);
   for (const CheckProblem& problem : checked.problems) {
     if (problem.kind == "singular" && problem.held) {
       singular.add(problem);
@@ -259,6 +260,9 @@ Status accept_reach(const Job& job, const gcode::Program& program, const gcode::
   }
   if (!first) {
     if (anyway != nullptr) {
+      passed.note(
+          "a singular pose, which the joints follow within their speeds; a robot's own controller may stop there",
+          anyway->notes, false);
       singular.note("a singular pose, which the machine reaches; what its joints must do there is not judged here",
                     anyway->notes);
       fast.note("too fast for a joint, which is not judged here", anyway->notes);

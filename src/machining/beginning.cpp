@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "polypod/machining/tilted.hpp"
 
@@ -25,27 +26,39 @@ kinematics::WayPiece piece_of(const machine::AnyMachine& machine, const Pose& X_
 
 }  // namespace
 
-std::optional<kinematics::Beginning> look_ahead(const machine::AnyMachine& machine, const Pose& X_MW,
-                                                const gcode::Interpretation& interpretation,
-                                                const std::string& posture) {
+namespace {
+
+/// The moves from the first place that is known to the next one that is not, as pieces of a way.
+std::function<std::optional<kinematics::WayPiece>()> way_of(const machine::AnyMachine& machine, const Pose& X_MW,
+                                                            const gcode::Interpretation& interpretation) {
   const auto& moves = interpretation.moves;
   const auto is_placed = [](const gcode::Move& m) {
     return std::all_of(m.known_end.begin(), m.known_end.end(), [](bool known) { return known; });
   };
-  auto at = std::find_if(moves.begin(), moves.end(), is_placed);
-  bool first = true;
-  return kinematics::look_ahead(
-      machine,
-      [&]() -> std::optional<kinematics::WayPiece> {
-        if (at == moves.end() || !is_placed(*at) || !(first || at->start_known)) return std::nullopt;
-        first = false;
-        return piece_of(machine, X_MW, *at++);
-      },
-      posture);
+  return [&machine, &X_MW, &moves, is_placed, at = std::find_if(moves.begin(), moves.end(), is_placed),
+          first = true]() mutable -> std::optional<kinematics::WayPiece> {
+    if (at == moves.end() || !is_placed(*at) || !(first || at->start_known)) return std::nullopt;
+    first = false;
+    return piece_of(machine, X_MW, *at++);
+  };
+}
+
+}  // namespace
+
+std::optional<kinematics::Beginning> look_ahead(const machine::AnyMachine& machine, const Pose& X_MW,
+                                                const gcode::Interpretation& interpretation,
+                                                const std::string& posture) {
+  return kinematics::look_ahead(machine, way_of(machine, X_MW, interpretation), posture);
 }
 
 std::string choose_start(const gcode::Interpretation& interpretation, Job& job) {
-  if (!job.start_joints.empty()) return {};
+  if (!job.start_joints.empty()) {
+    const Eigen::Map<const Eigen::VectorXd> start(job.start_joints.data(), std::ssize(job.start_joints));
+    if (job.own_posture) return {};
+    std::string name = kinematics::posture_behind(job.machine, way_of(job.machine, job.X_MW, interpretation), start);
+    if (!name.empty()) job.posture = std::move(name);
+    return {};
+  }
   const auto beginning = look_ahead(job.machine, job.X_MW, interpretation, job.posture);
   if (!beginning) return {};
   job.start_joints.assign(beginning->joints.begin(), beginning->joints.end());

@@ -59,9 +59,6 @@ std::string unknown_axes(const std::array<bool, 3>& known) {
   return listed(names) + (names.size() == 1 ? " is" : " are");
 }
 
-// Of the acceleration that just keeps a limit, what a remedy names: the points that are looked at change with it.
-constexpr double kRemedy = 0.999;
-
 /// Of a feed move that only turns the tool: its turn as LinuxCNC takes F of such moves, degrees a minute along the root
 /// of the sum of the squares of A, B and C; 0 where no time is known (G93) or it is another move.
 double seconds_of_turn(const gcode::Move& move, double length) {
@@ -175,7 +172,8 @@ class Demands {
     const double most = tip_acceleration * (1 - std::min(hardest.of_speed, kOfSpeed)) / of_tip;
     if (most < kLeast) return "";
     return fmt::format("; it would keep it with `max_acceleration_mm_per_s2` up to {:.0f}{}",
-                       std::floor(units::to_mm(most)), hardest.of_speed > kOfSpeed ? " and a smaller feed" : "");
+                       std::floor(0.999 * units::to_mm(most)),
+                       hardest.of_speed > kOfSpeed ? " and a smaller feed" : "");
   }
 
   const machine::AnyMachine& machine_;

@@ -244,7 +244,7 @@ Result<Confidence> confidence_of(const Job& job, const gcode::Program& program, 
       point.tube = tube_beside(corner);
       if (columns > 0) {
         const Pose X_MT{cutting_orientation(job, sample.axes), job.X_MW * sample.command};
-        const std::optional<machine::JointVector> q = joints_at(job, X_MT);
+        const std::optional<machine::JointVector> q = joints_at(job, X_MT, sample);
         if (!q) return;
         const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, *q);
         const Vec3 F = job.X_MW.R * sample.force, n = job.X_MW.R * (side * sample.away);

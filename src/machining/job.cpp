@@ -286,6 +286,7 @@ Result<Job> read_job(const std::string& path) {
   job.start_joints = std::move(start);
   POLYPOD_ASSIGN(branch, table.optional_text("branch", ""));
   job.posture = std::move(branch);
+  job.own_posture = !job.posture.empty();
   if (job.posture.empty() && !job.start_joints.empty()) {
     job.posture = kinematics::posture_of(
         job.machine, machine::JointVector(Eigen::Map<const Eigen::VectorXd>(

@@ -1066,6 +1066,7 @@ MapBand map_band(const Job& job, const Prediction& prediction) {
       }
     }
     out.normal.add(kHalf95 * std::sqrt(square));
+    if (sample.joint_count > 0) probe.stand_at(sample.came_with());
     Mat3 C;
     if (joints && probe.at(p, C)) out.joints.add(((map.at(p) - C) * F).norm());
   }
@@ -1078,6 +1079,7 @@ LeverChange lever_change(const Job& job, const Prediction& prediction) {
   statics::Probe probe(job.machine, cutting_orientation(job), job.posture, job.start_joints);
   for (const Sample& sample : prediction.few) {
     if (job.tool_frame.turns) probe.turn_to(cutting_orientation(job, sample.axes));
+    if (sample.joint_count > 0) probe.stand_at(sample.came_with());
     Mat3 C;
     if (!probe.at(job.X_MW * sample.command, C)) continue;
     const auto loaded = statics::under_load(job.machine, probe.joints(), job.X_MW.R * sample.force);

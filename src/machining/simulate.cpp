@@ -14,6 +14,8 @@
 #include "polypod/cutting/ball_stock.hpp"
 #include "polypod/cutting/discs.hpp"
 #include "polypod/cutting/end_force.hpp"
+#include "polypod/kinematics/free_joints.hpp"
+#include "polypod/kinematics/surplus.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/machining/vibration.hpp"
 #include "polypod/machining/weights.hpp"
@@ -155,6 +157,28 @@ class Pass {
   }
 
   Status step_to(std::size_t index) {
+    probed_ = false;
+    POLYPOD_TRY(take(index));
+    if (!probed_ && probe_.follows()) follow(moves_[index]);
+    return {};
+  }
+
+  /// A move of which no point was asked for its compliance, a rapid or through air: the joints follow it.
+  void follow(const gcode::Move& move) {
+    constexpr double kStep = 5e-3, kTurnStep = 0.0175;  // m, rad
+    const double length = move.start_known ? move.length() : 0;
+    const double turn = move.start_known ? (move.axes_end - move.axes_start).cwiseAbs().maxCoeff() : 0;
+    const int steps = static_cast<int>(std::clamp(std::ceil(std::max(length / kStep, turn / kTurnStep)), 1.0, 1e5));
+    for (int k = 1; k <= steps; ++k) {
+      const double share = double(k) / steps;
+      const Vec3 axes =
+          move.start_known ? Vec3(move.axes_start + share * (move.axes_end - move.axes_start)) : move.axes_end;
+      const Vec3 p = move.start_known ? move.point(share * length) : move.end;
+      probe_.follow({tool_orientation(job_, axes), job_.X_MW * p});
+    }
+  }
+
+  Status take(std::size_t index) {
     const gcode::Move& move = moves_[index];
     ToolModel& tool = tool_model(move.tool);
     if (!move.start_known) {  // where it comes from is not known: nothing can be said of the way
@@ -290,8 +314,13 @@ class Pass {
 
   /// Hands a sample over, whose vectors are in S until then, and whose command is where the unloaded tool stands.
   void tell(const Sample& sample) {
-    if (!frame_.tilted && !weight_) return visit_(sample);
+    if (!frame_.tilted && !weight_ && !open_) return visit_(sample);
     Sample out = sample;
+    const machine::JointVector& q = probe_.joints();
+    if (open_ && sample.cutting && q.size() <= std::ssize(out.joints)) {
+      out.joint_count = static_cast<std::uint8_t>(q.size());
+      for (Eigen::Index i = 0; i < q.size(); ++i) out.joints[static_cast<std::size_t>(i)] = static_cast<float>(q[i]);
+    }
     if (weight_) {
       out.command = command_of(sample);
       out.weight = sample.command - out.command;
@@ -822,6 +851,7 @@ class Pass {
   Status compliance(const gcode::Move& move, const Vec3& x_S, Mat3& C) {
     Mat3 C_M;
     const Vec3 p = X_MS_ * x_S;
+    probed_ = true;
     if (!probe_.at(p, C_M)) {
       return fail("MC210",
                   fmt::format("the machine cannot reach x {:.3f} y {:.3f} z {:.3f} mm in M: {}", units::to_mm(p.x()),
@@ -852,6 +882,8 @@ class Pass {
   const ToolFrame& frame_;
   const Pose X_MS_;
   statics::Probe probe_;
+  bool probed_ = false;  // for a point of this move
+  const bool open_ = kinematics::leaves_a_joint_free(job_.machine) || kinematics::is_head_on_linear_axes(job_.machine);
   std::optional<WeightDeflection> weight_;
   std::map<int, ToolModel> models_;
   cutting::DiscsMet met_;

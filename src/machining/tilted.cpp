@@ -12,6 +12,7 @@
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/posture.hpp"
+#include "polypod/machining/simulate.hpp"
 
 namespace polypod::machining {
 namespace {
@@ -142,6 +143,13 @@ Mat3 cutting_orientation(const Job& job, const Vec3& axes) {
 std::optional<machine::JointVector> joints_at(const Job& job, const Pose& X_MT) {
   const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
   const kinematics::Solution* s = kinematics::reachable_in(job.machine, inverse, job.posture);
+  return s == nullptr ? std::nullopt : std::optional(s->joints);
+}
+
+std::optional<machine::JointVector> joints_at(const Job& job, const Pose& X_MT, const Sample& sample) {
+  if (sample.joint_count == 0) return joints_at(job, X_MT);
+  const kinematics::InverseResult near = kinematics::inverse_near(job.machine, X_MT, sample.came_with());
+  const kinematics::Solution* s = near.reachable();
   return s == nullptr ? std::nullopt : std::optional(s->joints);
 }
 

@@ -47,7 +47,7 @@ ComplianceBand compliance_band(const Job& job, const Prediction& prediction, con
   std::vector<double> of_move;  // by index into the moves of the program; below 0: no point on it
   for (const Sample& sample : prediction.few) {
     const Pose X_MT{cutting_orientation(job, sample.axes), job.X_MW * sample.command};
-    const auto q = joints_at(job, X_MT);
+    const auto q = joints_at(job, X_MT, sample);
     if (!q) continue;
     const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, *q);
     Eigen::Matrix<double, 3, Eigen::Dynamic> G(3, std::ssize(unit));  // delta in W by each compliance
@@ -76,7 +76,7 @@ PlaceBand place_band(const Job& job, const Prediction& prediction, const Eigen::
   int farthest = -1;
   for (const Sample& sample : prediction.few) {
     const Pose X_MT{cutting_orientation(job, sample.axes), job.X_MW * sample.command};
-    const auto q = joints_at(job, X_MT);
+    const auto q = joints_at(job, X_MT, sample);
     if (!q) continue;
     const double U = kCoverageFactor * largest_deviation(kinematics::tip_covariance(job.machine, X_MT, *q, covariance));
     if (farthest < 0 || U > out.tip.max) farthest = programmed_of(sample, source);

@@ -231,6 +231,7 @@ Result<ProgramVibration> vibration_of(const Job& job, const gcode::Program& prog
       if (progress && !progress(static_cast<double>(done++) / static_cast<double>(all)))
         return fail("MC299", "cancelled");
       const Vec3 p = job.X_MW * point.sample.command;
+      if (point.sample.joint_count > 0) probe.stand_at(point.sample.came_with());
       Mat3 C;
       if (!probe.at(p, C)) {
         return fail("MC210",

@@ -72,9 +72,9 @@ const std::set<std::string_view> kTextWords{"PARTNO", "PPRINT", "REMARK", "INSER
 
 /// Words that tell something and move nothing.
 const std::set<std::string_view> kNoted{
-    "CUTTER", "MACHIN", "HEAD",  "INTOL",  "OUTTOL", "TOLER",  "CLEARP", "DISPLY",    "SET",    "SELCTL",     "UNLOAD",
-    "CLAMP",  "MODE",   "TMARK", "LEADER", "MCHTOL", "LINTOL", "SAFPOS", "NOPOST",    "AUXFUN", "PREFUN",     "SEQNO",
-    "AUTOPS", "REWIND", "END",   "CLRSRF", "PAINT",  "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
+    "CUTTER", "MACHIN", "HEAD", "INTOL",  "OUTTOL", "TOLER",  "CLEARP", "DISPLY",    "SET",    "SELCTL",
+    "UNLOAD", "CLAMP",  "MODE", "TMARK",  "LEADER", "MCHTOL", "LINTOL", "SAFPOS",    "NOPOST", "SEQNO",
+    "AUTOPS", "REWIND", "END",  "CLRSRF", "PAINT",  "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
 
 /// Words that change where the tool goes and are not carried out, with what to do.
 const std::map<std::string_view, const char*> kRefused{
@@ -88,6 +88,8 @@ const std::map<std::string_view, const char*> kRefused{
     {"COPY", "post with the copies written out"},
     {"INDEX", "post with the copies written out"},
     {"INSERT", "its text would go to the controller unread: remove it"},
+    {"AUXFUN", "its M code would be missing: write STOP, OPSTOP, SPINDL or COOLNT, or remove it"},
+    {"PREFUN", "its G code would be missing: post in the coordinates of the workpiece, and remove it"},
     {"RETRCT", "write the retract as RAPID and GOTO"},
     {"THREAD", "post without threads"},
     {"PITCH", "post without threads"},
@@ -353,6 +355,8 @@ class Reader {
   }
 
   Status carry_out(const Statement& s) {
+    if (s.word != "GOTO") done_arc_.reset();
+    from_another_system_ = from_another_system_ || s.word == "TOOL PATH" || s.word == "TLON" || s.word == "MSYS";
     using Handler = Status (Reader::*)(const Statement&);
     static const std::map<std::string_view, Handler> handlers{
         {"GOTO", &Reader::go_to},       {"FROM", &Reader::from},      {"GODLTA", &Reader::go_delta},
@@ -434,9 +438,30 @@ class Reader {
       rapid_ = false;
     } else {
       POLYPOD_TRY(feed_known(spot));
+      POLYPOD_TRY(no_further_point(tip, spot));
       push(StepKind::line, tip, axis, spot);
     }
     return {};
+  }
+
+  /// Creo writes several points behind one CIRCLE (NUMBER_OF_ARC_PTS), the last the end of the arc; other systems one,
+  /// and from there on lines. A point right behind an arc and on its circle may be either, but where the file shows
+  /// that it is none of Creo's.
+  Status no_further_point(const Vec3& tip, Spot spot) const {
+    if (!done_arc_ || from_another_system_) return {};
+    const Vec3 a = flat(now_.tip, done_arc_->centre, done_arc_->normal),
+               b = flat(tip, done_arc_->centre, done_arc_->normal);
+    constexpr double kOn = 2e-6;  // m, what files with five decimals leave
+    if (std::abs((tip - now_.tip).dot(done_arc_->normal)) > kOn || std::abs(b.norm() - a.norm()) > kOn ||
+        (b - a).norm() < kOn) {
+      return {};
+    }
+    return error(
+        "PO110",
+        fmt::format("a point that lies on the circle of line {}: a further point of the arc, as Creo writes them, or "
+                    "the end of a line",
+                    done_arc_->spot.line),
+        spot, "post arcs as points (Creo: CIRC_INTERPOLATION POINTS_ONLY), or write a CIRCLE for each GOTO");
   }
 
   void push(StepKind kind, const Vec3& tip, const Vec3& axis, Spot spot) {
@@ -476,6 +501,7 @@ class Reader {
     }
     const double sweep = sweep_of(a, b, arc.normal);
     const Vec3 start = now_.tip;
+    done_arc_ = arc;
     push(StepKind::arc, tip, axis, spot);
     Step& s = out_.steps.back();
     s.centre = arc.centre + (start - arc.centre).dot(arc.normal) * arc.normal;
@@ -851,6 +877,8 @@ class Reader {
   Vec3 home_axis_ = Vec3::UnitZ();
   Vec3 cl_point_ = Vec3::Zero();  // of the last GOTO, FROM, GODLTA or GOHOME: where GODLTA counts from
   std::optional<Arc> arc_;
+  std::optional<Arc> done_arc_;                ///< that the tool has just come along, up to the next word but GOTO
+  bool from_another_system_ = false;           ///< than Creo: words that NX or CATIA write
   std::optional<Vec3> direction_;              ///< of INDIRV
   std::optional<std::vector<double>> system_;  ///< of MSYS
   std::optional<Cycle> cycle_;

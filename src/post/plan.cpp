@@ -13,6 +13,7 @@
 #include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/beginning.hpp"
+#include "polypod/kinematics/free_joints.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/kinematics/posture.hpp"
@@ -130,6 +131,7 @@ class Planner {
   }
 
   Plan take_plan() {
+    if (!out_.moves.empty() && !out_.branch.empty()) name_branch();
     if (passed_line_ > 0) {
       out_.notes.push_back(
           fmt::format("line {}: singular, and the joints follow within their speeds; the robot's own "
@@ -193,6 +195,23 @@ class Planner {
   /// all the same (machining::tool_orientation).
   [[nodiscard]] Mat3 commanded_by(const Vec3& angles) const {
     return R_MW_ * rotation_of_angles(angles) * R_MW_.transpose();
+  }
+
+  /// Where the first pose leaves joints open, such as a straight wrist, the posture is that of the first that does not.
+  void name_branch() {
+    const auto open = [this](const PlannedMove& m) {
+      return kinematics::freedoms_left(machine_, in_machine(commanded_by(m.angles), m.tip), m.joints);
+    };
+    if (out_.moves.front().joints.size() == 0) return;
+    const int at_first = open(out_.moves.front());
+    if (at_first <= std::max(0, kinematics::joint_count(machine_) - kinematics::task(machine_).size())) return;
+    constexpr std::size_t kMost = 20000;
+    for (std::size_t i = 1; i < std::min(kMost, out_.moves.size()); ++i) {
+      const PlannedMove& m = out_.moves[i];
+      if (m.joints.size() == 0 || open(m) >= at_first) continue;
+      if (std::string name = kinematics::posture_of(machine_, m.joints); !name.empty()) out_.branch = std::move(name);
+      return;
+    }
   }
 
   /// The tool's orientation is given along the axes of M, its tip in W.

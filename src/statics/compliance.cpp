@@ -128,6 +128,17 @@ struct Probe::Impl {
         },
         machine);
   }
+
+  /// On a way in the posture that the machine has had so far; nothing where no solution keeps the limits.
+  [[nodiscard]] std::optional<JointVector> joints_of(const Pose& X_MT) const {
+    const bool goes_on = joints.size() > 0;
+    const JointVector& near = goes_on ? joints : start;
+    const kinematics::InverseResult result =
+        near.size() > 0 ? kinematics::inverse_near(machine, X_MT, near) : kinematics::inverse(machine, X_MT);
+    const kinematics::Solution* best =
+        goes_on ? result.reachable() : kinematics::first_solution(machine, X_MT, result, posture, start.size() > 0);
+    return best == nullptr ? std::nullopt : std::optional(best->joints);
+  }
 };
 
 Probe::Probe(const AnyMachine& machine, const Mat3& R_MT, std::string posture, const std::vector<double>& start)
@@ -136,20 +147,26 @@ Probe::~Probe() = default;
 Probe::Probe(Probe&&) noexcept = default;
 Probe& Probe::operator=(Probe&&) noexcept = default;
 
+bool Probe::follows() const {
+  return !impl_->quick;
+}
+
+void Probe::follow(const Pose& X_MT) {
+  if (const auto q = impl_->joints_of(X_MT)) impl_->joints = *q;
+}
+
+void Probe::stand_at(const machine::JointVector& q) {
+  impl_->joints = q;
+}
+
 bool Probe::at(const Vec3& p_M, Mat3& C) {
   Impl& s = *impl_;
   s.last = p_M;
   if (s.quick) return s.quick(p_M, s.R_MT.col(2), s.joints, C);
   const Pose X_MT{s.R_MT, p_M};
-  // On a way the posture that the arm has had so far.
-  const bool follows = s.joints.size() > 0;
-  const JointVector& near = follows ? s.joints : s.start;
-  const kinematics::InverseResult result =
-      near.size() > 0 ? kinematics::inverse_near(s.machine, X_MT, near) : kinematics::inverse(s.machine, X_MT);
-  const kinematics::Solution* solution =
-      follows ? result.reachable() : kinematics::first_solution(s.machine, X_MT, result, s.posture, s.start.size() > 0);
-  if (solution == nullptr) return false;
-  const Compliance c = compliance_of(s.machine, solution->joints, &X_MT);
+  const auto q = s.joints_of(X_MT);
+  if (!q) return false;
+  const Compliance c = compliance_of(s.machine, *q, &X_MT);
   if (!c.reachable) return false;
   s.joints = c.joints;
   C = c.linear();

@@ -170,6 +170,10 @@ TEST(Cl, RefusesBadInputWithItsPlace) {
       {"UNITS/MM\nCYCLE/DRILL,FEDTO,10,MMPM,50,CLEAR,2\n", "PO105", 2},
       {"UNITS/MM\nFROM/0,0,9\nCYCLE/DRILL,DEPTH,8,MMPM,50,CLEAR,2\nGOTO/0,0,0\nGOHOME\n", "PO105", 5},
       {"UNITS/MM\nINSERT G10 L2\n", "PO105", 2},
+      {"UNITS/MM\nAUXFUN/8\n", "PO105", 2},
+      {"UNITS/MM\nPREFUN/55\n", "PO105", 2},
+      // Creo's arc of two points: the second is none of a line.
+      {"UNITS/MM\nFEDRAT/100,MMPM\nGOTO/20,0,0\nCIRCLE/0,0,0,0,0,1,20\nGOTO/0,20,0\nGOTO/-20,0,0\n", "PO110", 6},
       {"UNITS/FEET\n", "PO107", 1},
       {"UNITS/MM\nGOTO/1,2,3\n", "PO108", 2},
       {"UNITS/MM\nFEDRAT/0.1,MMPR\n", "PO108", 2},

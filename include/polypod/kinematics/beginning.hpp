@@ -30,6 +30,10 @@ struct Beginning {
 /// 000). Cost: some 50 us where nothing is open; else 40 us a pose up to the one that settles it.
 std::optional<Beginning> look_ahead(const AnyMachine& machine, const std::function<std::optional<WayPiece>()>& next,
                                     const std::string& posture = {});
+/// The posture that the way comes to from the joints `start` (rad or m), where its first pose leaves that open; empty
+/// where it does not, or no pose settles it.
+std::string posture_behind(const AnyMachine& machine, const std::function<std::optional<WayPiece>()>& next,
+                           const JointVector& start);
 
 /// "begins with joint 4 at 90.0 deg, from where the program goes on: the first pose leaves that free; ...".
 std::string in_words(const AnyMachine& machine, const Beginning& beginning);

@@ -28,8 +28,8 @@ struct CheckResult {
   std::vector<CheckProblem> problems;  ///< the first of each kind of each move
   /// Moves of which X, Y and Z are not known from their start on, since the program has not said where the tool is:
   /// "end" (neither where it ends nor its way is judged) or "way" (its end is judged). And "limits", with line 0, where
-  /// those of the joints are assumed, "time" (a turn of the tool in G93), and "near singular": where joints whose speeds
-  /// have no limits move most, from 0.1 rad on between two points that are looked at.
+  /// those of the joints are assumed, "time" (a turn of the tool in G93), and "near singular": where joints whose
+  /// speeds have no limits move most, from 0.1 rad on between two points that are looked at.
   std::vector<CheckProblem> not_judged;
   /// Singular poses that the joints follow without a jump, where their speeds are judged: no problems, of each move the
   /// first.

@@ -85,6 +85,7 @@ struct Job {
   /// The posture in which the program begins (kinematics::branch_name): `branch`, else that of `start_joints`; empty:
   /// the first within the limits.
   std::string posture;
+  bool own_posture = false;    ///< the job says it itself
   double rapid_volume = 1e-9;  ///< m^3, of material; a rapid that goes through more is a collision
 
   [[nodiscard]] const cutting::Cutter& cutter_of(int tool) const {

@@ -2,9 +2,10 @@
 // One pass of a cutter that deflects, through the stock, point by point.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <functional>
 #include <map>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -40,7 +41,12 @@ struct Sample {
   /// Unit normal of the path in the plane, to the left of the feed. predict and correct turn it away from the wall that
   /// is cut along most of the move; in a slot, which has two, it stays.
   Vec3 away = Vec3::Zero();
-  Vec3 axes = Vec3::Zero();   ///< A, B, C where the tool turns in cuts, rad; else 0
+  Vec3 axes = Vec3::Zero();  ///< A, B, C where the tool turns in cuts, rad; else 0
+  /// Of a machine whose poses leave joints open (a rail, the C of a vertical head) those that it has come here with,
+  /// rad or m, to single precision; none of others, nor of machines with more joints.
+  static constexpr std::size_t kMostJoints = 8;
+  std::array<float, kMostJoints> joints{};
+  std::uint8_t joint_count = 0;
   bool wall_left = false;     ///< only the left side of the cutter meets a wall
   float depth = 0;            ///< largest axial depth of engagement, m
   float entry = 0, exit = 0;  ///< first and last engaged tooth angle, rad
@@ -50,6 +56,9 @@ struct Sample {
   float normal = 0, vertical = 0, distance = 0;
 
   [[nodiscard]] Vec3 bent() const { return command + deflection; }
+  [[nodiscard]] machine::JointVector came_with() const {
+    return Eigen::Map<const Eigen::VectorXf>(joints.data(), joint_count).cast<double>();
+  }
 };
 
 /// A move of a pass.

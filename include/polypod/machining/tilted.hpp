@@ -11,6 +11,8 @@
 
 namespace polypod::machining {
 
+struct Sample;
+
 /// The orientation of the tool in M with the rotary axes (A, B, C, rad) of a program: R_y(B) R_x(A) of a machine whose
 /// A and B are its own axes (Task::names_axis), else R_MW R_z(C) R_y(B) R_x(A) R_MW^T: where the workpiece is turned
 /// about z the axis of the tool turns with it, and C counts from M all the same, as controllers take it.
@@ -31,6 +33,8 @@ Mat3 cutting_orientation(const Job& job, const Vec3& axes);
 /// The joints in which the machine stands at a pose of the program: the first within the limits, in the job's posture
 /// where it has one; empty where there are none.
 std::optional<machine::JointVector> joints_at(const Job& job, const Pose& X_MT);
+/// Those that a sample was taken with (Sample::joints), else joints_at.
+std::optional<machine::JointVector> joints_at(const Job& job, const Pose& X_MT, const Sample& sample);
 /// The posture in which the machine begins a move, by name; empty of machines that have but one, or none with a name.
 std::string posture_at_start(const Job& job, const gcode::Move& move);
 

@@ -75,6 +75,13 @@ class Probe {
   bool at(const Vec3& p_M, Mat3& C);
   /// From here on with the tool in another orientation in M.
   void turn_to(const Mat3& R_MT);
+  /// Whether the joints follow those of the pose before: not where each pose has its own in the posture (a closed
+  /// inverse of point and axis).
+  [[nodiscard]] bool follows() const;
+  /// The tool goes to a pose without a question for its compliance: the joints follow. What is out of reach is passed.
+  void follow(const Pose& X_MT);
+  /// The joints stand at q.
+  void stand_at(const machine::JointVector& q);
   [[nodiscard]] std::string why() const;
   /// Joints of the last pose that `at` reached.
   [[nodiscard]] const machine::JointVector& joints() const;

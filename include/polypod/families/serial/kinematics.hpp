@@ -149,8 +149,9 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm,
 /// - six free joints and a spherical wrist, axes 2 and 3 parallel and square to axis 1: SphericalWristInverse;
 /// - six free joints, axes 2, 3 and 4 parallel and square to axis 1, axes 5 and 6 meeting: ThreeParallelInverse;
 /// - six free joints and a spherical wrist, any other first three axes: PieperInverse; linear axes: CartesianInverse.
-/// One freedom more over such a form (names_branches): one solution a branch; other arms: inverse_damped. All joints are
-/// in the turn within their ranges (of several, that in (-180, 180] deg); inverse_near chooses between several turns.
+/// One freedom more over such a form (names_branches): one solution a branch; other arms: inverse_damped. All joints
+/// are in the turn within their ranges (of several, that in (-180, 180] deg); inverse_near chooses between several
+/// turns.
 InverseResult inverse(const SerialArm& arm, const Pose& X_MT);
 /// `front|back elbow-up|elbow-down [wrist-flipped]` of the closed forms, in the order of WristInverse; `arm-1` to
 /// `arm-4 [wrist-flipped]` of PieperInverse; `tilt-positive`, `tilt-negative` of CartesianInverse; else "numeric-1"...
