@@ -24,10 +24,6 @@ kinematics::WayPiece piece_of(const machine::AnyMachine& machine, const Pose& X_
   return {pose_at, static_cast<int>(std::clamp(steps, 1.0, kMostSteps))};
 }
 
-}  // namespace
-
-namespace {
-
 /// The moves from the first place that is known to the next one that is not, as pieces of a way.
 std::function<std::optional<kinematics::WayPiece>()> way_of(const machine::AnyMachine& machine, const Pose& X_MW,
                                                             const gcode::Interpretation& interpretation) {

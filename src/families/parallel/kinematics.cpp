@@ -198,36 +198,35 @@ kinematics::NewtonResult forward_from(const Parallel& m, const JointVector& q, c
 
 namespace {
 
-/// How far a pose is from home, in sizes of the machine and rad.
-double away_from_home(const Parallel& m, const Pose& X) {
-  return (X.p - m.home.p).norm() / m.size + rotation_vector(m.home.R.transpose() * X.R).norm();
+/// Whether the straight way of the tool from home leads to the pose X without a singular pose: at 20 poses of it,
+/// settled where coordinates follow, det F_X has the sign `side`.
+bool leads_there(const Parallel& m, const Pose& X, int side) {
+  constexpr int kPoses = 20;
+  constexpr double kSame = 1e-6;  // of the size, and rad
+  const Vec3 turn = rotation_vector(m.home.R.transpose() * X.R);
+  std::optional<Pose> at;
+  for (int k = 1; k <= kPoses; ++k) {
+    const double share = double(k) / kPoses;
+    at = settled(m, Pose{m.home.R * rotation_of(share * turn), m.home.p + share * (X.p - m.home.p)});
+    const std::optional<JointVector> q = at ? joints_of(m, *at) : std::nullopt;
+    if (!q || side_of(m, *at, *q) != side) return false;
+  }
+  return (at->p - X.p).norm() < kSame * m.size && (at->R - X.R).norm() < kSame;
 }
 
-/// Of what Newton's method finds from starts all round home, those that `in_mode` takes, the nearest to home: one that
-/// keeps the limits of the machine's coordinates before others.
-template <class InMode>
-std::optional<kinematics::NewtonResult> nearest_in_mode(const Parallel& m, const JointVector& q, InMode&& in_mode) {
-  constexpr int kStarts = 120;
-  std::optional<kinematics::NewtonResult> out;
-  double nearest = 0;
+/// Of what Newton's method finds from starts all round home, the first to which the straight way of the tool leads.
+std::optional<kinematics::NewtonResult> straight_from_home(const Parallel& m, const JointVector& q, int side) {
+  constexpr int kStarts = 60;
   Random random(1);
   for (int k = 0; k < kStarts; ++k) {
     const double wide = (k % 4 + 1) / 4.0;
     Pose X = m.home;
-    for (double& x : X.p) x += wide * random.uniform(-1, 1) * m.size;
-    X.R = rotation_abc(wide * random.uniform(-1, 1) * std::numbers::pi,
-                       0.5 * wide * random.uniform(-1, 1) * std::numbers::pi,
-                       wide * random.uniform(-1, 1) * std::numbers::pi) *
-          X.R;
+    for (double& x : X.p) x += 0.5 * wide * random.uniform(-1, 1) * m.size;
+    X.R = rotation_of(wide * Vec3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1))) * X.R;
     kinematics::NewtonResult found = forward_from(m, q, X);
-    if (!in_mode(found, q)) continue;
-    constexpr double kBeyondLimits = 1e3;
-    const double away = away_from_home(m, found.X_MT) + (violations_of(m, found.X_MT, q) != 0 ? kBeyondLimits : 0);
-    if (out && away >= nearest) continue;
-    nearest = away;
-    out = std::move(found);
+    if (found.converged && side_of(m, found.X_MT, q) == side && leads_there(m, found.X_MT, side)) return found;
   }
-  return out;
+  return std::nullopt;
 }
 
 }  // namespace
@@ -255,7 +254,7 @@ kinematics::NewtonResult forward_from_home(const Parallel& m, const JointVector&
     }
   }
   // The straight way of the joints may lead over a singular pose where another way does not.
-  return side == 0 ? beyond : nearest_in_mode(m, q, in_mode).value_or(beyond);
+  return side == 0 ? beyond : straight_from_home(m, q, side).value_or(beyond);
 }
 
 Pose forward(const Parallel& m, const JointVector& q) {
