@@ -121,10 +121,11 @@ class Page {
     }
     std::vector<int> unknown;
     for (const CheckProblem& p : result_.not_judged) {
-      if (p.line > 0) {
+      if (p.kind == "end" || p.kind == "way") {
         unknown.push_back(p.line);
       } else {
-        report_.add_verdict(Verdict::neutral, fmt::format("Not judged: {} {}.", p.kind, p.detail));
+        const std::string what = p.line > 0 ? fmt::format("line {}:", p.line) : p.kind;
+        report_.add_verdict(Verdict::neutral, fmt::format("Not judged: {} {}.", what, p.detail));
       }
     }
     if (!unknown.empty()) {
