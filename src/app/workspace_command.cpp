@@ -319,11 +319,11 @@ void print_where_home_points(const machine::AnyMachine& m) {
   const Vec3 k = home->R.col(2);
   constexpr double kAway = 0.5;  // cosine of 60 deg
   if (k.z() > kAway) return;
-  const auto rounded = [](double x) { return std::round(100 * x) / 100 + 0.0; };
+  const auto shown = [](double x) { return unsigned_zero(fmt::format("{:.2f}", x)); };
   fmt::print(
-      "at home z of the tool points to ({:.2f}, {:.2f}, {:.2f}) in M, and directions are asked for about z of M: "
+      "at home z of the tool points to ({}, {}, {}) in M, and directions are asked for about z of M: "
       "turn the tool's frame, so that its z points from the tip to the spindle, or the base\n",
-      rounded(k.x()), rounded(k.y()), rounded(k.z()));
+      shown(k.x()), shown(k.y()), shown(k.z()));
 }
 
 /// Whether a pose prescribes x, y, z and the turn about z, as of four-armed deltas and SCARA arms.

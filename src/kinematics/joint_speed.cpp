@@ -223,6 +223,11 @@ std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, con
                      user(fastest.share * limit), turns ? "deg/s" : "mm/s", user(limit));
 }
 
+std::string slower(double rate, const char* unit) {
+  const double kept = std::floor(rate);
+  return kept < 1 ? "no feed would keep it" : fmt::format("up to {:.0f} {} it would keep it", kept, unit);
+}
+
 std::string too_hard(const AnyMachine& machine, const HardestJoint& hardest, double tip_acceleration,
                      const std::vector<double>& limits) {
   const bool turns = joint_kind(machine, hardest.joint) == JointKind::revolute;

@@ -66,15 +66,9 @@ double seconds_of_turn(const gcode::Move& move, double length) {
       move.feed_mode != gcode::FeedMode::per_minute) {
     return 0;
   }
-  constexpr double kMmPerInch = 25.4;
-  const double deg_per_min = units::to_mm_per_min(move.feed) / (move.inches ? kMmPerInch : 1);
+  // The F of the program: what was taken as a length a minute in its unit.
+  const double deg_per_min = move.inches ? 60 * units::to_inch(move.feed) : units::to_mm_per_min(move.feed);
   return 60 * units::to_deg((move.axes_end - move.axes_start).norm()) / deg_per_min;
-}
-
-/// "; up to 1230 mm/min it would keep it".
-std::string slower(double rate, const char* unit) {
-  const double kept = std::floor(rate);
-  return kept < 1 ? "; no feed would keep it" : fmt::format("; up to {:.0f} {} it would keep it", kept, unit);
 }
 
 /// Collects what the cuts ask of the joints. Of each move, the worst of either kind becomes a problem.
@@ -105,8 +99,8 @@ class Demands {
       if (fastest.share > std::max(1.0, speed_.share)) {
         worst(speed_, "speed", fastest.share, line,
               fmt::format("{}: {}", where, kinematics::too_fast(machine_, fastest, limits_.joint_speeds)),
-              stretch.length > 0 ? slower(units::to_mm_per_min(feed) / fastest.share, "mm/min")
-                                 : slower(60 * units::to_deg(feed) / fastest.share, "deg/min"));
+              "; " + (stretch.length > 0 ? kinematics::slower(units::to_mm_per_min(feed) / fastest.share, "mm/min")
+                                         : kinematics::slower(60 * units::to_deg(feed) / fastest.share, "deg/min")));
       }
     }
     if (!limits_.joint_accelerations.empty() && stretch.length > 0) {
@@ -165,7 +159,8 @@ class Demands {
   static std::string remedy(const kinematics::HardestJoint& hardest, double feed, double tip_acceleration) {
     const double of_tip = hardest.share - hardest.of_speed;
     if (of_tip < 1) {
-      return slower(units::to_mm_per_min(feed * std::sqrt((1 - of_tip) / hardest.of_speed)), "mm/min");
+      return "; " +
+             kinematics::slower(units::to_mm_per_min(feed * std::sqrt((1 - of_tip) / hardest.of_speed)), "mm/min");
     }
     constexpr double kLeast = 10e-3;   // m/s^2, below which nobody sets a controller
     constexpr double kOfSpeed = 0.01;  // beyond which the feed is to fall, too

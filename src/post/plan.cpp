@@ -83,12 +83,6 @@ struct Way {
   [[nodiscard]] double c(double s) const { return c_from + s * (c_to - c_from); }
 };
 
-/// "up to 1230 mm/min it would keep it".
-std::string slower(double feed) {
-  const double kept = std::floor(units::to_mm_per_min(feed));
-  return kept < 1 ? "no feed would keep it" : fmt::format("up to {:.0f} mm/min it would keep it", kept);
-}
-
 class Planner {
  public:
   Planner(const Configuration& configuration, const Path& path, const PlanOptions& options)
@@ -484,7 +478,8 @@ class Planner {
     speed_share_ = share;
     std::string detail =
         fmt::format("{}; {}", kinematics::too_fast(machine_, fastest, options_.joint_speeds),
-                    step.feed > 0 ? slower(step.feed / share) : std::string("a slower --turn-speed would keep it"));
+                    step.feed > 0 ? kinematics::slower(units::to_mm_per_min(step.feed / share), "mm/min")
+                                  : std::string("a slower --turn-speed would keep it"));
     const auto known = std::find_if(out_.problems.rbegin(), out_.problems.rend(),
                                     [&](const PlanProblem& p) { return p.line == step.line && p.kind == "speed"; });
     if (worse && known != out_.problems.rend()) {

@@ -205,7 +205,7 @@ TEST_P(Catalogue, ModuleAgreesWithPolypodAndWithItself) {
   EXPECT_GE(taken, 10) << "of " << tried;
   // The stands come from Polypod's forward, which also finds poses that the straight way of the tool alone leads to: of
   // hexa 11 of 40, to which the module's way of the joints does not.
-  EXPECT_GE(found_from_home, 0.7 * taken);
+  EXPECT_GE(found_from_home, (GetParam() == std::string_view("hexa") ? 0.7 : 0.8) * taken);
   ModuleHost other(so.string());
   expect_refusals(m, c, other);
 }

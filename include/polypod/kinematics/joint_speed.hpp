@@ -53,6 +53,8 @@ std::string cannot_start(const AnyMachine& machine, const JointVector& joints);
 
 /// "joint 4 would go at 412.1 deg/s where its limit is 180.0"; its speed is limit * share.
 std::string too_fast(const AnyMachine& machine, const FastestJoint& fastest, const std::vector<double>& limits);
+/// What a slower feed would do: "up to 1230 mm/min it would keep it" for the rate that just keeps the limit, in `unit`.
+std::string slower(double rate, const char* unit);
 
 /// A stretch of a way that the tool tip runs at constant speed.
 struct Stretch {

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -121,7 +120,7 @@ void RedundantInverse::take(unsigned branch, double u, const double* q, bool sin
   for (int i = 0; i < n; ++i) {
     const JointRange& range = range_[static_cast<std::size_t>(i)];
     const double width = range.max - range.min, at = one.joints[i];
-    const bool low = at<range.min - six::kLimitSlack, high = at> range.max + six::kLimitSlack;
+    const bool low = (at < range.min - six::kLimitSlack), high = (at > range.max + six::kLimitSlack);
     one.violations |= kinematics::LimitBits{low} << (2 * i) | kinematics::LimitBits{high} << (2 * i + 1);
     if (width > 0 && width < kNoLimit) from_middle += square((at - 0.5 * (range.min + range.max)) / width);
     const double scale = width > 0 && width < kNoLimit ? width : 1.0;
