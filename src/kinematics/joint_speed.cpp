@@ -47,31 +47,31 @@ struct Piece {
 
 /// Halves a piece until no joint changes by more than kOfAPiece in one: near a singular pose all of a large change may
 /// lie in a small part of it, whatever its speed is on the whole.
-void look_closer(const AnyMachine& machine, const Piece& piece, double seconds, const std::vector<double>& limits,
-                 const std::function<Pose(double)>& pose, int halvings, FastestJoint& out) {
+void look_closer(const SolutionsOnWay& way, const Piece& piece, double seconds, const std::vector<double>& limits,
+                 int halvings, FastestJoint& out) {
   if (halvings == 0 || (piece.to - piece.from).cwiseAbs().maxCoeff() <= kOfAPiece) {
     const FastestJoint here = between(piece.from, piece.to, seconds * (piece.end - piece.begin), limits);
     if (here.share > out.share) out = {here.joint, here.share, out.judged};
     return;
   }
   const double middle = (piece.begin + piece.end) / 2;
-  const InverseResult inverse = inverse_near(machine, pose(middle), piece.from);
+  const InverseResult inverse = way(middle, piece.from);
   const Solution* best = inverse.reachable();
   if (best == nullptr) {
     out.judged = false;
     return;
   }
   const JointVector q = best->joints;
-  look_closer(machine, {piece.begin, middle, piece.from, q}, seconds, limits, pose, halvings - 1, out);
-  look_closer(machine, {middle, piece.end, q, piece.to}, seconds, limits, pose, halvings - 1, out);
+  look_closer(way, {piece.begin, middle, piece.from, q}, seconds, limits, halvings - 1, out);
+  look_closer(way, {middle, piece.end, q, piece.to}, seconds, limits, halvings - 1, out);
 }
 
 /// The joints at the ends of `pieces` equal pieces of a way, after those of its start; empty where there are none.
-std::vector<JointVector> joints_along(const AnyMachine& machine, const JointVector& from, const JointVector& to,
-                                      const std::function<Pose(double)>& pose, int pieces) {
+std::vector<JointVector> joints_along(const SolutionsOnWay& way, const JointVector& from, const JointVector& to,
+                                      int pieces) {
   std::vector<JointVector> out{from};
   for (int k = 1; k < pieces; ++k) {
-    const InverseResult inverse = inverse_near(machine, pose(double(k) / pieces), out.back());
+    const InverseResult inverse = way(double(k) / pieces, out.back());
     const Solution* best = inverse.reachable();
     if (best == nullptr) return {};
     out.push_back(best->joints);
@@ -94,36 +94,39 @@ Eigen::VectorXd by_position(const AnyMachine& machine, const Pose& X_MT, const J
 }
 
 /// From s_0 with the joints `from` to s_1.
-std::optional<JointVector> follow(const AnyMachine& machine, const JointVector& from,
-                                  const std::function<Pose(double)>& pose, double jump, double s_0, double s_1) {
+std::optional<JointVector> follow(const JointVector& from, const SolutionsOnWay& way, double jump, double s_0,
+                                  double s_1) {
   constexpr double kFinest = 1.0 / 256;
-  const InverseResult inverse = inverse_near(machine, pose(s_1), from);
+  const InverseResult inverse = way(s_1, from);
   const Solution* best = inverse.reachable();
   if (best == nullptr) return {};
   if ((best->joints - from).cwiseAbs().maxCoeff() <= jump) return best->joints;
   if (s_1 - s_0 <= kFinest) return {};
   const double middle = (s_0 + s_1) / 2;
-  const auto half = follow(machine, from, pose, jump, s_0, middle);
-  return half ? follow(machine, *half, pose, jump, middle, s_1) : half;
+  const auto half = follow(from, way, jump, s_0, middle);
+  return half ? follow(*half, way, jump, middle, s_1) : half;
 }
 
 }  // namespace
 
-std::optional<JointVector> followed(const AnyMachine& machine, const JointVector& from,
-                                    const std::function<Pose(double)>& pose, double jump) {
-  return follow(machine, from, pose, jump, 0, 1);
+SolutionsOnWay solutions_on(const AnyMachine& machine, const std::function<Pose(double)>& pose) {
+  return [&machine, &pose](double s, const JointVector& near) { return inverse_near(machine, pose(s), near); };
 }
 
-FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to, double seconds,
-                           const std::vector<double>& limits, const std::function<Pose(double)>& pose) {
+std::optional<JointVector> followed(const JointVector& from, const SolutionsOnWay& way, double jump) {
+  return follow(from, way, jump, 0, 1);
+}
+
+FastestJoint fastest_joint(const JointVector& from, const JointVector& to, double seconds,
+                           const std::vector<double>& limits, const SolutionsOnWay& way) {
   FastestJoint out = between(from, to, seconds, limits);
   const bool turns_far = (to - from).cwiseAbs().maxCoeff() > kOfAPiece;
   if (out.share <= kCloserFrom && !turns_far) return out;
-  const std::vector<JointVector> q = joints_along(machine, from, to, pose, kCloser);
+  const std::vector<JointVector> q = joints_along(way, from, to, kCloser);
   out.judged = !q.empty();
   for (std::size_t k = 1; k < q.size(); ++k) {
     const Piece piece{double(k - 1) / kCloser, double(k) / kCloser, q[k - 1], q[k]};
-    look_closer(machine, piece, seconds, limits, pose, kMostHalvings, out);
+    look_closer(way, piece, seconds, limits, kMostHalvings, out);
   }
   return out;
 }
@@ -137,9 +140,10 @@ HardestJoint hardest_joint(const AnyMachine& machine, const JointVector& from, c
   const double most_of_an_axis = way.norm() > 0 ? way.cwiseAbs().maxCoeff() / way.norm() : 1;
   const Eigen::VectorXd along = (to - from).cwiseAbs() / (stretch.length * most_of_an_axis);
   const Eigen::VectorXd by_tip = stretch.tip_acceleration * along.cwiseMax(by_position(machine, stretch.pose(1), to));
+  const SolutionsOnWay on_way = solutions_on(machine, stretch.pose);
   const auto hardest = [&](int pieces) {
     HardestJoint out;
-    const std::vector<JointVector> q = joints_along(machine, from, to, stretch.pose, pieces);
+    const std::vector<JointVector> q = joints_along(on_way, from, to, pieces);
     out.judged = !q.empty();
     const double time = stretch.seconds / pieces;
     for (std::size_t i = 0; i < n; ++i) {

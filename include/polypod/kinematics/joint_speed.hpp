@@ -16,12 +16,20 @@ double speed_limit(const AnyMachine& machine, int joint);
 /// Of every joint; empty where the machine says none.
 std::vector<double> speed_limits(const AnyMachine& machine);
 
+/// A way by what the machine can stand in on it: the solutions at s, 0 <= s <= 1, as seen from joints nearby.
+using SolutionsOnWay = std::function<InverseResult(double s, const JointVector& near)>;
+/// Those of inverse_near at the poses of a way; both must outlive it.
+SolutionsOnWay solutions_on(const AnyMachine& machine, const std::function<Pose(double)>& pose);
+
 /// The joints at the end of a way that begins with the joints `from`: the way is halved down to 1/256 of it until no
 /// joint changes by more than `jump` (rad or m) from pose to pose. Nothing where one still does, which is a jump and no
 /// quick joint, or where a pose between has no joints within the limits. Cost: one inverse, and up to 510 where the
 /// joints hurry.
-std::optional<JointVector> followed(const AnyMachine& machine, const JointVector& from,
-                                    const std::function<Pose(double)>& pose, double jump);
+std::optional<JointVector> followed(const JointVector& from, const SolutionsOnWay& way, double jump);
+inline std::optional<JointVector> followed(const AnyMachine& machine, const JointVector& from,
+                                           const std::function<Pose(double)>& pose, double jump) {
+  return followed(from, solutions_on(machine, pose), jump);
+}
 
 /// Of the joints, the one whose speed is the largest share of its limit.
 struct FastestJoint {
@@ -36,8 +44,13 @@ struct FastestJoint {
 /// hurry near singular poses, and those are halved until no joint changes by more in one (up to 20 times); `pose(s)` is
 /// the way for 0 <= s <= 1. `limits`: one a joint, rad/s or m/s. Cost: some ns, and ten inverses and more where it
 /// looks closer.
-FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to, double seconds,
-                           const std::vector<double>& limits, const std::function<Pose(double)>& pose);
+FastestJoint fastest_joint(const JointVector& from, const JointVector& to, double seconds,
+                           const std::vector<double>& limits, const SolutionsOnWay& way);
+inline FastestJoint fastest_joint(const AnyMachine& machine, const JointVector& from, const JointVector& to,
+                                  double seconds, const std::vector<double>& limits,
+                                  const std::function<Pose(double)>& pose) {
+  return fastest_joint(from, to, seconds, limits, solutions_on(machine, pose));
+}
 
 /// "30.7 deg", or "512.0 mm" of a slide: of the joint that changes most, in its own number (rad or m).
 std::string largest_change(const AnyMachine& machine, const JointVector& change);

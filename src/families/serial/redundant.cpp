@@ -6,7 +6,6 @@
 #include <numbers>
 #include <vector>
 
-#include "polypod/families/serial/frames.hpp"
 #include "six_joints.hpp"
 
 namespace polypod::machine {
@@ -35,7 +34,6 @@ std::vector<int> lowest_of(const std::array<double, kGrid + 1>& costs) {
 std::optional<RedundantInverse> RedundantInverse::of(const SerialArm& arm) {
   RedundantInverse out;
   out.inner_ = arm;
-  out.convention_ = arm.convention;
   for (const DhRow& row : arm.dh) {
     if (!row.locked) out.range_.push_back(row.range);
     if (row.kind == JointKind::revolute) out.length_ += std::abs(row.a) + std::abs(row.d);
@@ -53,32 +51,20 @@ std::optional<RedundantInverse> RedundantInverse::of(const SerialArm& arm) {
   }
   if (arm.free_joints() > 7) return std::nullopt;
   const auto first = std::find_if(arm.dh.begin(), arm.dh.end(), [](const DhRow& r) { return !r.locked; });
-  out.row_ = *first;
   const JointRange range = first->range;
   if (!(range.max - range.min < kNoLimit)) return std::nullopt;
-  const auto index = static_cast<std::size_t>(first - arm.dh.begin());
-  const std::vector<Pose> frames = frames_of_table(arm, kinematics::JointVector::Zero(arm.free_joints()));
-  out.X_MB_ = frames[index];
-  out.at_zero_ = frames[index + 1];
-  out.inner_.X_MB = out.at_zero_;
-  out.inner_.dh.assign(first + 1, arm.dh.end());
+  out.carried_ = CarriedArm::of(arm, static_cast<std::size_t>(first - arm.dh.begin()));
+  if (!out.carried_) return std::nullopt;
+  out.inner_ = out.carried_->arm();
   out.closed_ = ClosedInverse::of(out.inner_);
   if (!out.closed_.exists()) return std::nullopt;
-  out.carried_ = true;
   out.low_ = range.min;
   out.high_ = range.max;
   return out;
 }
 
 Pose RedundantInverse::target(const Pose& X_MT, double u) const {
-  if (!carried_) return {X_MT.R * rotation_z(u), X_MT.p};
-  // What the joint moves is a screw about the z axis of its frame: before the twist (standard) or behind it (modified).
-  const Mat3& axes = convention_ == DhConvention::standard ? X_MB_.R : at_zero_.R;
-  const Vec3& point = convention_ == DhConvention::standard ? X_MB_.p : at_zero_.p;
-  const Vec3 z = axes.col(2);
-  if (row_.kind == JointKind::prismatic) return {X_MT.R, X_MT.p - row_.sign * u * z};
-  const Mat3 back = Eigen::AngleAxisd(-row_.sign * u, z).toRotationMatrix();
-  return {back * X_MT.R, point + back * (X_MT.p - point)};
+  return carried_ ? carried_->seen(X_MT, u) : Pose{X_MT.R * rotation_z(u), X_MT.p};
 }
 
 double RedundantInverse::at_grid(int k) const {
@@ -147,7 +133,7 @@ void RedundantInverse::look(const Pose& X_MT, double u, const Ask& ask, All& out
     for (unsigned b = 0; b < kBranches; ++b)
       if (found.exists[b]) take(b, u, found.joints[b].data(), found.singular[b], ask, out);
   } else {
-    for (const kinematics::Solution& s : closed_.cartesian->solve(X).solutions)
+    for (const kinematics::Solution& s : closed_.solve(X).solutions)
       take(s.branch, u, s.joints.data(), s.singular, ask, out);
   }
 }

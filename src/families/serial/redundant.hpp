@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "closed_inverse.hpp"
+#include "polypod/families/serial/carried_arm.hpp"
 
 namespace polypod::machine {
 
@@ -69,11 +70,7 @@ class RedundantInverse {
 
   SerialArm inner_;
   ClosedInverse closed_;
-  bool carried_ = false;
-  Pose X_MB_;  ///< the frame before the row of u
-  DhRow row_;  ///< of u
-  DhConvention convention_ = DhConvention::standard;
-  Pose at_zero_;  ///< X_k at u = 0
+  std::optional<CarriedArm> carried_;  ///< where u is a joint
   std::vector<JointRange> range_;
   double length_ = 0;          ///< m, of links
   double low_ = 0, high_ = 0;  ///< of u
