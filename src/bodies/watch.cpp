@@ -46,13 +46,16 @@ Watch::Watch(const machine::AnyMachine& machine, const Pose& X_MW, Bodies bodies
     if (arm_ != nullptr && !still(b)) {
       const int row = row_of(b, rows);
       double lever = b.frame == Frame::tool ? b.shape.extent(Vec3::Zero()) + arm_->X_FT.p.norm() : extents_.back();
+      std::vector<double> of_coupled(static_cast<std::size_t>(rows), 0);  // what a joint moves through rows behind it
       // From the last joint that moves it to the first: what lies between adds to the lever.
       for (int i = row - 1; i >= 0; --i) {
         const machine::DhRow& r = arm_->dh[static_cast<std::size_t>(i)];
         const bool turns = r.kind == machine::JointKind::revolute;
         const double slides = turns ? 0 : std::max(std::abs(r.range.min), std::abs(r.range.max));
         lever += std::hypot(r.a, std::abs(r.d) + (r.locked && !turns ? std::abs(*r.locked) : slides));
-        if (!r.locked) levers.push_back(turns ? lever : 1.0);
+        if (r.coupled_back > 0)
+          of_coupled[static_cast<std::size_t>(i - r.coupled_back)] += std::abs(r.coupling) * lever;
+        if (!r.locked) levers.push_back(turns ? lever + of_coupled[static_cast<std::size_t>(i)] : 1.0);
       }
       std::reverse(levers.begin(), levers.end());
     }

@@ -102,6 +102,7 @@ Result<Settings> arm_settings(const SerialArm& arm, const SettingsOptions& optio
   // The constant motions between the joints' axes: K[0] in front of the first, K[n] behind the last.
   std::vector<Pose> K(1);
   std::vector<Turn> joints;
+  if (arm.is_coupled()) return fail("CN102", "the arm has coupled joints, and genserkins has none", {}, kTargetsHint);
   for (const DhRow& row : arm.dh) {
     const Row part = fixed_parts(arm, row);
     K.back() = K.back() * part.before;

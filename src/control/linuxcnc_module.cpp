@@ -97,7 +97,10 @@ class Writer {
   };
   std::vector<Element> elements;
 
+  bool coupled = false;  // joints that turn further rows: the module has none
+
   void put(const machine::SerialArm& arm) {
+    coupled = coupled || arm.is_coupled();
     pending(arm.X_MB);
     for (const machine::DhRow& row : arm.dh) {
       const std::string to = fmt::format("chain_rows[{}]", rows++);
@@ -462,6 +465,10 @@ Result<Module> linuxcnc_module(const AnyMachine& machine, const JointVector& hom
   if (!known) {
     return fail("LC101", fmt::format("no kinematics module is written for {}", machine::family_of(machine)), {},
                 "serial arms, hexapods, deltas, machines of legs, and stages of these have one");
+  }
+  if (w.coupled) {
+    return fail("LC101", "no kinematics module is written for arms with coupled joints", {},
+                "the robot's own controller knows them; `polypod post --to` writes its language");
   }
   w.finish();
   if (w.rows > 0 && joints != task.size()) {

@@ -61,13 +61,15 @@ config::Table table_of(const SerialArm& arm, const Place& place) {
     const DhRow& row = arm.dh[i];
     const bool turns = row.kind == JointKind::revolute;
     const auto joint = [&](double q) { return turns ? w.deg(q) : w.mm(q); };
-    rows.push_back(w.value(w.table({{"a_mm", w.mm(row.a)},
-                                    {"alpha_deg", w.deg(row.alpha)},
-                                    {"d_mm", w.mm(row.d)},
-                                    {"theta_offset_deg", w.deg(row.theta_offset)},
-                                    {"sign", w.value(row.sign)},
-                                    {"joint", w.value(std::string(turns ? "revolute" : "prismatic"))}},
-                                   fmt::format("dh[{}]", i + 1))));
+    std::map<std::string, config::Value> columns{
+        {"a_mm", w.mm(row.a)},       {"alpha_deg", w.deg(row.alpha)},
+        {"d_mm", w.mm(row.d)},       {"theta_offset_deg", w.deg(row.theta_offset)},
+        {"sign", w.value(row.sign)}, {"joint", w.value(std::string(turns ? "revolute" : "prismatic"))}};
+    if (row.coupled_back > 0) {
+      columns.emplace("coupled_to", w.value(static_cast<double>(i + 1) - row.coupled_back));
+      columns.emplace("coupling", w.value(row.coupling));
+    }
+    rows.push_back(w.value(w.table(std::move(columns), fmt::format("dh[{}]", i + 1))));
     std::map<std::string, config::Value> range{{turns ? "min_deg" : "min_mm", joint(row.range.min)},
                                                {turns ? "max_deg" : "max_mm", joint(row.range.max)}};
     if (row.speed > 0) range.emplace(turns ? "speed_deg_per_s" : "speed_mm_per_s", joint(row.speed));

@@ -20,7 +20,7 @@ constexpr double kPi = std::numbers::pi;
 std::optional<CartesianInverse> CartesianInverse::of(const SerialArm& arm) {
   const int joints = arm.free_joints();
   const bool serves = (arm.task == Task::axis && joints == 5) || (arm.task == Task::pose && joints == 6);
-  if (!serves) return std::nullopt;
+  if (!serves || arm.is_coupled()) return std::nullopt;
   CartesianInverse out;
   out.joints_ = joints;
   int next = 0;

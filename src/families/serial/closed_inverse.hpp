@@ -2,6 +2,7 @@
 // The closed inverse of an arm, whichever it has.
 #pragma once
 
+#include <memory>
 #include <optional>
 
 #include "polypod/families/serial/cartesian.hpp"
@@ -9,15 +10,19 @@
 
 namespace polypod::machine {
 
+class CoupledInverse;
+
 /// At most one of them.
 struct ClosedInverse {
   std::optional<WristInverse> five;
   std::optional<SixJointInverse> six;
   std::optional<CartesianInverse> cartesian;
+  std::shared_ptr<const CoupledInverse> coupled;
 
   static ClosedInverse of(const SerialArm& arm);
-  [[nodiscard]] bool exists() const { return five || six || cartesian; }
-  /// All solutions, those with six joints and of heads on linear axes seen from `reference`, if there is one.
+  [[nodiscard]] bool exists() const { return five || six || cartesian || coupled; }
+  /// All solutions, those with six joints, coupled ones and of heads on linear axes seen from `reference`, if there is
+  /// one.
   [[nodiscard]] kinematics::InverseResult solve(const Pose& X_MT, const double* reference = nullptr) const;
 };
 

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "../../machine/machine_file.hpp"
 #include "../../machine/parameter_list.hpp"
@@ -15,7 +16,7 @@ namespace {
 
 constexpr double kFullTurnDeg = 360;
 
-Result<DhRow> row_from(const config::Table& table) {
+Result<DhRow> row_from(const config::Table& table, const std::vector<DhRow>& before) {
   DhRow row;
   POLYPOD_ASSIGN(a, table.optional_number("a_mm", 0));
   POLYPOD_ASSIGN(alpha, table.optional_number("alpha_deg", 0, {-kFullTurnDeg, kFullTurnDeg}));
@@ -23,7 +24,24 @@ Result<DhRow> row_from(const config::Table& table) {
   POLYPOD_ASSIGN(theta, table.optional_number("theta_offset_deg", 0, {-kFullTurnDeg, kFullTurnDeg}));
   POLYPOD_ASSIGN(sign, table.optional_number("sign", 1));
   POLYPOD_ASSIGN(kind, table.optional_text("joint", "revolute"));
+  POLYPOD_ASSIGN(coupled_to, table.optional_number("coupled_to", 0));
+  POLYPOD_ASSIGN(coupling, table.optional_number("coupling", 0));
   POLYPOD_TRY(table.finish());
+  const auto row_number = static_cast<double>(before.size() + 1);
+  if (table.has("coupled_to") || table.has("coupling")) {
+    const bool known = table.has("coupled_to") && coupled_to == std::floor(coupled_to) && coupled_to >= 1 &&
+                       coupled_to < row_number && table.has("coupling");
+    if (!known || kind != "revolute" || before[static_cast<std::size_t>(coupled_to) - 1].kind != JointKind::revolute) {
+      return fail(
+          "MA148",
+          fmt::format("{}: a coupled joint is revolute, `coupled_to` the number of an earlier revolute row, and "
+                      "`coupling` the angle that it turns for a unit of that joint",
+                      table.name()),
+          table.place(), "for example coupled_to = 2, coupling = -1 in the third row");
+    }
+    row.coupled_back = static_cast<int>(row_number - coupled_to);
+    row.coupling = coupling;
+  }
   if (sign != 1 && sign != -1) {
     return fail("MA110", fmt::format("{}.sign = {:g} must be 1 or -1", table.name(), sign), table.place_of("sign"));
   }
@@ -119,6 +137,10 @@ Task SerialArm::usual_task() const {
   return free >= 6 ? Task::pose : free == 5 ? Task::axis : Task::point;
 }
 
+bool SerialArm::is_coupled() const {
+  return std::any_of(dh.begin(), dh.end(), [](const DhRow& row) { return row.coupled_back > 0; });
+}
+
 int SerialArm::free_joints() const {
   return static_cast<int>(std::count_if(dh.begin(), dh.end(), [](const DhRow& row) { return !row.locked; }));
 }
@@ -138,7 +160,7 @@ Result<SerialArm> SerialArm::from(const config::Table& table) {
                 table.place_of("dh"));
   }
   for (const config::Table& entry : rows) {
-    POLYPOD_ASSIGN(row, row_from(entry));
+    POLYPOD_ASSIGN(row, row_from(entry, arm.dh));
     arm.dh.push_back(row);
   }
   POLYPOD_TRY(read_locked(table, arm));
@@ -197,12 +219,16 @@ std::string to_toml(const SerialArm& arm) {
   out += name != nullptr ? fmt::format("task = \"{}\"\n", name) : task_toml(arm.task);
   out += fmt::format("convention = \"{}\"\n\ndh = [\n",
                      arm.convention == DhConvention::standard ? "standard" : "modified");
-  for (const DhRow& row : arm.dh) {
+  for (std::size_t i = 0; i < arm.dh.size(); ++i) {
+    const DhRow& row = arm.dh[i];
     out += fmt::format("  {{ a_mm = {}, alpha_deg = {}, d_mm = {}, theta_offset_deg = {}",
                        number_toml(units::to_mm(row.a)), number_toml(units::to_deg(row.alpha)),
                        number_toml(units::to_mm(row.d)), number_toml(units::to_deg(row.theta_offset)));
     if (row.sign < 0) out += ", sign = -1";
     if (row.kind == JointKind::prismatic) out += ", joint = \"prismatic\"";
+    if (row.coupled_back > 0)
+      out += fmt::format(", coupled_to = {}, coupling = {}", i + 1 - static_cast<std::size_t>(row.coupled_back),
+                         number_toml(row.coupling));
     out += " },\n";
   }
   out += "]\n\n";

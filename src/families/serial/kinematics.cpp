@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "coupled.hpp"
 #include "polypod/families/serial/frames.hpp"
 #include "polypod/geometry/trigonometry.hpp"
 #include "polypod/kinematics/closure.hpp"
@@ -107,7 +108,7 @@ class Rows {
  public:
   Rows(const SerialArm& arm, const JointVector& q) : arm_(arm) {
     static_assert(kMaxJoints % 2 == 0);
-    double theta[kMaxJoints];
+    double theta[kMaxJoints], joint[kMaxJoints];
     int next = 0;
     const std::size_t count = arm.dh.size();
     for (std::size_t i = 0; i < count; ++i) {
@@ -115,6 +116,8 @@ class Rows {
       const double value = row.locked ? *row.locked : q[next++];
       theta[i] = theta_of(row, value);
       d_[i] = d_of(row, value);
+      joint[i] = value;
+      if (row.coupled_back > 0) theta[i] += row.coupling * joint[i - static_cast<std::size_t>(row.coupled_back)];
     }
     if (count % 2 != 0) theta[count] = 0;
     cosines_and_sines(theta, static_cast<int>(count + count % 2), c_, s_);
@@ -192,6 +195,13 @@ ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, boo
   Vec3 axis[kMaxJoints], origin[kMaxJoints];
   JointKind kind[kMaxJoints];
   int columns = 0;
+  // Rows that a joint turns besides its own: its column, and the screw.
+  struct Further {
+    int column;
+    Vec3 axis, origin;
+  };
+  int column_of[kMaxJoints], further = 0;
+  Further more[kMaxJoints];
   Pose X = arm.X_MB;
   const Rows rows(arm, q);
   const bool standard = arm.convention == DhConvention::standard;
@@ -199,8 +209,13 @@ ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, boo
     const DhRow& row = arm.dh[i];
     const Pose before = X;
     rows.pass(X, i);
-    if (row.locked && !locked_too) continue;
     const Pose& frame = standard ? before : X;
+    column_of[i] = row.locked && !locked_too ? -1 : columns;
+    if (row.coupled_back > 0) {
+      const int column = column_of[i - static_cast<std::size_t>(row.coupled_back)];
+      if (column >= 0) more[further++] = {column, row.coupling * frame.R.col(2), frame.p};
+    }
+    if (column_of[i] < 0) continue;
     axis[columns] = row.sign * frame.R.col(2);
     origin[columns] = frame.p;
     kind[columns] = row.kind;
@@ -216,6 +231,10 @@ ForwardJacobian forward_jacobian(const SerialArm& arm, const JointVector& q, boo
       out.J.col(i).head<3>() = axis[i];
       out.J.col(i).tail<3>().setZero();
     }
+  }
+  for (int k = 0; k < further; ++k) {
+    out.J.col(more[k].column).head<3>() += more[k].axis.cross(out.X_MT.p - more[k].origin);
+    out.J.col(more[k].column).tail<3>() += more[k].axis;
   }
   return out;
 }
@@ -253,7 +272,7 @@ JacobianMatrix jacobian(const SerialArm& arm, const Pose&, const JointVector& q)
 
 Result<WristInverse> WristInverse::of(const SerialArm& arm) {
   const auto no = [](const char* why) { return fail("KI100", why); };
-  if (arm.convention != DhConvention::standard || arm.task != Task::axis || arm.dh.size() < 5) {
+  if (arm.convention != DhConvention::standard || arm.task != Task::axis || arm.dh.size() < 5 || arm.is_coupled()) {
     return no("not a standard table of a 5-axis machine");
   }
   for (std::size_t i = 0; i < arm.dh.size(); ++i) {
@@ -387,7 +406,8 @@ namespace {
 
 bool same_row(const DhRow& a, const DhRow& b) {
   return a.a == b.a && a.alpha == b.alpha && a.d == b.d && a.theta_offset == b.theta_offset && a.sign == b.sign &&
-         a.kind == b.kind && a.locked == b.locked && a.range.min == b.range.min && a.range.max == b.range.max;
+         a.kind == b.kind && a.locked == b.locked && a.range.min == b.range.min && a.range.max == b.range.max &&
+         a.coupled_back == b.coupled_back && a.coupling == b.coupling;
 }
 
 /// What the closed inverses of an arm follow from.
@@ -456,11 +476,14 @@ ClosedInverse ClosedInverse::of(const SerialArm& arm) {
     out.five = *five;
   } else if (const auto cartesian = CartesianInverse::of(arm)) {
     out.cartesian = *cartesian;
+  } else if (auto coupled = CoupledInverse::of(arm)) {
+    out.coupled = std::make_shared<const CoupledInverse>(std::move(*coupled));
   }
   return out;
 }
 
 InverseResult ClosedInverse::solve(const Pose& X_MT, const double* reference) const {
+  if (coupled) return coupled->solve(X_MT, reference);
   if (six) return std::visit([&](const auto& form) { return form.solve(X_MT, reference); }, *six);
   if (cartesian) return cartesian->solve(X_MT, reference);
   return all_of(*five, X_MT);
@@ -504,7 +527,8 @@ std::string branch_name(const SerialArm& arm, unsigned branch) {
   if (branch >= WristInverse::kBranches) return fmt::format("numeric-{}", branch - kinematics::kNumericBranch + 1);
   const ClosedInverse& own = closed_inverse(arm);
   const std::optional<RedundantInverse>& redundant = redundant_inverse(arm);
-  const ClosedInverse& closed = own.exists() || !redundant ? own : redundant->closed();
+  const ClosedInverse& named = own.exists() || !redundant ? own : redundant->closed();
+  const ClosedInverse& closed = named.coupled ? named.coupled->without() : named;
   if (closed.cartesian) return CartesianInverse::branch_name(branch);
   const std::optional<SixJointInverse>& six = closed.six;
   const bool numbered = six && std::holds_alternative<PieperInverse>(*six);
@@ -594,6 +618,9 @@ std::function<std::optional<JointVector>(const Pose&)> joint_finder(const Serial
   };
   if (closed.cartesian) {
     return [form = *closed.cartesian, first_of](const Pose& X_MT) { return first_of(form.solve(X_MT)); };
+  }
+  if (closed.coupled) {
+    return [form = closed.coupled, first_of](const Pose& X_MT) { return first_of(form->solve(X_MT)); };
   }
   if (const auto& redundant = redundant_inverse(arm)) {
     return [form = *redundant, arm, first_of](const Pose& X_MT) { return first_of(found_over(form, arm, X_MT)); };

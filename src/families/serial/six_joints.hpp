@@ -31,9 +31,9 @@ struct Axes {
   std::array<JointRange, 6> range;
   Pose X_0;  ///< X_MT there
 };
-/// Nothing unless six turning joints are free and a pose prescribes all six coordinates.
+/// Nothing unless six turning joints are free, none is coupled and a pose prescribes all six coordinates.
 inline std::optional<Axes> axes_of(const SerialArm& arm) {
-  if (arm.task != Task::pose || arm.free_joints() != 6) return std::nullopt;
+  if (arm.task != Task::pose || arm.free_joints() != 6 || arm.is_coupled()) return std::nullopt;
   Axes out;
   std::size_t next = 0;
   for (const DhRow& row : arm.dh) {

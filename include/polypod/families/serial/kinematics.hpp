@@ -3,6 +3,7 @@
 // so that the analyses find them by argument-dependent lookup.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <span>
 #include <string>
@@ -55,6 +56,12 @@ PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const P> p,
                                 std::decay_t<decltype(angle)>(sin(angle)));
   };
   std::size_t next = 0;
+  // The joint of a row before.
+  const auto value_of = [&](std::size_t of) {
+    const auto before = arm.dh.begin() + static_cast<std::ptrdiff_t>(of);
+    if (before->locked) return T(*before->locked);
+    return q[static_cast<std::size_t>(std::count_if(arm.dh.begin(), before, [](const DhRow& r) { return !r.locked; }))];
+  };
   for (std::size_t i = 0; i < arm.dh.size(); ++i) {
     const DhRow& row = arm.dh[i];
     const P &a = p[4 * i], &alpha = p[4 * i + 1], &d = p[4 * i + 2], &theta = p[4 * i + 3];
@@ -62,7 +69,10 @@ PoseT<T> chain(const SerialArm& arm, std::span<const T> q, std::span<const P> p,
     const bool standard = arm.convention == DhConvention::standard;
     if (!standard) move(0, a, alpha);
     if (row.kind == JointKind::revolute) {
-      move(2, d, T(T(theta) + T(row.sign) * value));
+      T angle = T(T(theta) + T(row.sign) * value);
+      if (row.coupled_back > 0)
+        angle = T(angle + T(row.coupling) * value_of(i - static_cast<std::size_t>(row.coupled_back)));
+      move(2, d, angle);
     } else {
       move(2, T(T(d) + T(row.sign) * value), theta);
     }
@@ -125,7 +135,8 @@ Pose forward(const SerialArm& arm, const JointVector& q);
 struct ForwardJacobian {
   Pose X_MT;
   /// Columns [k x (p_T - o); k] (revolute) or [k; 0] (prismatic), k and o the axis and origin of frame i - 1 in M
-  /// (SLAV (2.38); (2.37) is misprinted), times the sign of the joint. One column a row of the table if `locked_too`.
+  /// (SLAV (2.38); (2.37) is misprinted), times the sign of the joint; and of a joint that turns further rows, the
+  /// same of those, times their coupling. One column a row of the table if `locked_too`.
   JacobianMatrix J;
 };
 /// Forward kinematics and geometric Jacobian in one pass. With `locked_too` the Jacobian has a column for every row of
@@ -149,6 +160,7 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm,
 /// - six free joints and a spherical wrist, axes 2 and 3 parallel and square to axis 1: SphericalWristInverse;
 /// - six free joints, axes 2, 3 and 4 parallel and square to axis 1, axes 5 and 6 meeting: ThreeParallelInverse;
 /// - six free joints and a spherical wrist, any other first three axes: PieperInverse; linear axes: CartesianInverse.
+/// Of joints that are coupled, that of the arm without coupling, from whose joints theirs follow one after the other.
 /// One freedom more over such a form (names_branches): one solution a branch; other arms: inverse_damped. All joints
 /// are in the turn within their ranges (of several, that in (-180, 180] deg); inverse_near chooses between several
 /// turns.

@@ -17,7 +17,9 @@ namespace polypod::machine {
 /// modified (Craig): A_i = Rot(x, alpha) Trans(x, a) Rot(z, theta) Trans(z, d).
 enum class DhConvention { standard, modified };
 
-/// One row of the table. The angle is theta = sign q + theta_offset (revolute) or the distance d + sign q (prismatic).
+/// One row of the table. The angle is theta = sign q + theta_offset + coupling q_c (revolute) or the distance d + sign
+/// q (prismatic); q_c is the joint of an earlier turning row whose motion turns this one too, as where a drive counts
+/// from the base (a parallelogram, joint 3 of many arms).
 struct DhRow {
   double a = 0;             ///< m
   double alpha = 0;         ///< rad
@@ -29,6 +31,8 @@ struct DhRow {
   JointRange range{};            ///< of q; unused where locked
   double speed = 0;              ///< the fastest that the joint goes, rad/s or m/s; 0: not said
   double compliance = 0;         ///< rad/Nm (revolute) or m/N (prismatic); also of a locked joint (its brake)
+  int coupled_back = 0;          ///< how many rows before this one that row is; 0: none
+  double coupling = 0;
 };
 
 /// A serial arm: X_MT(q) = X_MB A_1(q_1) ... A_n(q_n) X_FT.
@@ -48,6 +52,8 @@ struct SerialArm {
 
   /// Number of joints that move.
   [[nodiscard]] int free_joints() const;
+  /// Whether a joint turns another one too.
+  [[nodiscard]] bool is_coupled() const;
   /// What a pose prescribes where nothing says: all six coordinates from six free joints on, the tip and the tool axis
   /// with five, the tip with fewer.
   [[nodiscard]] Task usual_task() const;
