@@ -15,6 +15,7 @@
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/families/serial/carried_arm.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
@@ -43,7 +44,7 @@ constexpr std::size_t kShownProblems = 20;
 
 struct Options {
   std::string file, job, machine, output, origin = "0,0,0", to = "ngc", config = "auto", c = "0", branch,
-                                          feed = "per-minute", joint_speeds, start_joints;
+                                          feed = "per-minute", joint_speeds, start_joints, external;
   std::vector<std::string> sets;
   double tolerance = 10, axis_tolerance = 0.1, turn_speed = 1800, rapid = 6000, blend = 0.1, rotation = 0;
   int part = 0;
@@ -212,6 +213,8 @@ Result<bool> take_hold(const std::optional<Header>& header, const post::Path& pa
     }
   }
   if (header->c) p.c = header->c;
+  // The correction was made for where the axis stood.
+  if (p.external == post::External::chosen && !context.given("--external-axis")) p.external = post::External::linear;
   if (!header->posture.empty()) {
     p.branch = header->posture;
     p.keep_branch = true;
@@ -280,6 +283,37 @@ Result<std::vector<double>> by_joint(const std::string& text, const std::string&
   return values;
 }
 
+/// Whether the machine has one that moves.
+bool has_external_axis(const post::Configuration& configuration) {
+  const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
+  const auto axis = arm != nullptr ? machine::CarriedArm::on_external_axis(*arm) : std::nullopt;
+  return axis && axis->moves();
+}
+
+/// What the robot's controller is told of an external axis.
+Status set_external(const std::string& said, const post::Configuration& configuration, post::PlanOptions& p) {
+  const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
+  const auto axis = arm != nullptr ? machine::CarriedArm::on_external_axis(*arm) : std::nullopt;
+  if (!axis || !axis->moves()) {
+    if (said.empty()) return {};
+    return fail("PO130",
+                fmt::format("--external-axis {}: {}", said,
+                            axis ? "the machine file locks it" : "no joint of this machine carries a robot"),
+                {}, "leave --external-axis out");
+  }
+  if (said.empty() || said == "free" || said == "follows") {
+    p.external = said == "follows" ? post::External::linear : post::External::chosen;
+    return {};
+  }
+  const bool turns = axis->axis().kind == machine::JointKind::revolute;
+  const machine::JointRange range = axis->range();
+  const auto user = [turns](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
+  POLYPOD_ASSIGN(at, number_of(said, "--external-axis", {user(range.min), user(range.max)}, turns ? "deg" : "mm"));
+  p.external = post::External::stands;
+  p.external_at = turns ? units::from_deg(at) : units::from_mm(at);
+  return {};
+}
+
 Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& job,
                                        const post::Configuration& configuration, post::Dialect dialect,
                                        const Context& context) {
@@ -308,6 +342,7 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
     POLYPOD_ASSIGN(c, number_of(o.c, "--c", kAngle_deg, "deg"));
     p.c = units::from_deg(c);
   }
+  if (dialect != post::Dialect::ngc) POLYPOD_TRY(set_external(o.external, configuration, p));
   post::set_for(dialect, p);
   p.progress = progress_line(context, "planning");
   return p;
@@ -478,6 +513,12 @@ void print_answer(const Options& o, const Answer& answer) {
   fmt::print("{}: {} lines, {} moves, {} points inserted\n", answer.configuration.name, answer.written.lines,
              answer.written.moves, plan.inserted);
   if (!plan.branch.empty()) fmt::print("posture        {}\n", plan.branch);
+  if (o.to != "ngc" && has_external_axis(answer.configuration) && !plan.joints.empty()) {
+    const bool turns = kinematics::joint_kind(answer.configuration.machine, 0) == machine::JointKind::revolute;
+    const auto user = [turns](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
+    fmt::print("external axis  joint 1 from {:.1f} to {:.1f} {}\n", user(plan.joints[0].min), user(plan.joints[0].max),
+               turns ? "deg" : "mm");
+  }
   fmt::print("tool tip       off arcs written as chords by up to {:.1f} um (tolerance {:g} um)\n",
              units::to_um(plan.chord_error), o.tolerance);
   fmt::print("tool axis      off the shortest turn between two points by up to {:.3f} deg (tolerance {:g} deg)\n",
@@ -535,6 +576,10 @@ Command post_command() {
             "--c", o->c,
             "six: C in deg, the rotation about the tool axis (default 0), or `free`: chosen along the program; not "
             "for programs that command C");
+        a.option("--external-axis", o->external,
+                 "krl and rapid, of an arm on a rail or a turntable (the first row of its file): `free`, chosen along "
+                 "the program (the default), `follows`, moved as little as each move asks for (as `correct` moves it: "
+                 "the default of corrected programs), or where it stands, mm or deg");
         a.option(
             "--branch", o->branch,
             "Posture at the first point (default: that of a corrected program, else that of the job, else the first in "
@@ -572,6 +617,7 @@ Command post_command() {
         }
         if (ngc) {
           POLYPOD_TRY(refuse(context, {"--part"}, "it serves --to krl, rapid and urscript"));
+          POLYPOD_TRY(refuse(context, {"--external-axis"}, "it serves --to krl and rapid"));
         } else {
           POLYPOD_TRY(refuse(context, {"--feed"}, "it serves --to ngc"));
         }

@@ -101,6 +101,57 @@ const std::map<std::string_view, const char*> kRefused{
     {"SAFETY", "write the retract as RAPID and GOTO"},
 };
 
+/// The coordinate systems that CAM systems write into remarks, twelve numbers each: `$$-> CSYS / ...` of Creo, in one
+/// remark; `$$*CATIA0` of CATIA, in the remarks that follow, four a line.
+class RemarkedSystems {
+ public:
+  /// A remark without its `$$`.
+  void begin(std::string_view remark) {
+    constexpr std::string_view kCreo = "-> CSYS", kCatia = "*CATIA0";
+    const bool creo = remark.starts_with(kCreo);
+    if (creo || remark.starts_with(kCatia)) {
+      numbers_.clear();
+      open_ = true;
+      if (!creo) return;
+      remark.remove_prefix(std::min(remark.find('/'), remark.size()));
+    }
+    read(remark);
+  }
+  /// A line of such a remark.
+  void read(std::string_view line) {
+    if (!open_) return;
+    std::vector<double> found;
+    for (std::size_t at = 0; at < line.size();) {
+      if (std::string_view(" \t,/$").find(line[at]) != std::string_view::npos) {
+        ++at;
+        continue;
+      }
+      double value = 0;
+      const auto [end, code] = std::from_chars(line.data() + at, line.data() + line.size(), value);
+      if (code != std::errc{}) return;  // a title
+      found.push_back(value);
+      at = static_cast<std::size_t>(end - line.data());
+    }
+    numbers_.insert(numbers_.end(), found.begin(), found.end());
+    open_ = numbers_.size() < kNumbers;
+  }
+  /// Whether one that is complete now differs from the first.
+  bool take_second() {
+    if (numbers_.size() != kNumbers) return false;
+    constexpr double kSame = 1e-6;
+    const bool differs = !first_.empty() && !std::equal(first_.begin(), first_.end(), numbers_.begin(),
+                                                        [](double a, double b) { return std::abs(a - b) <= kSame; });
+    if (first_.empty()) first_ = numbers_;
+    numbers_.clear();
+    return differs;
+  }
+
+ private:
+  static constexpr std::size_t kNumbers = 12;
+  std::vector<double> first_, numbers_;
+  bool open_ = false;
+};
+
 class Reader {
  public:
   Reader(std::string_view text, const std::string& file) : text_(text), file_(file) { out_.file = file; }
@@ -168,13 +219,19 @@ class Reader {
     std::string_view line;
     while (next_line(line)) {
       // Creo lays a coordinate system into a remark of several lines, each but the last ending with `$`.
-      if (std::exchange(in_remark_, in_remark_ && trimmed(line).ends_with('$'))) continue;
+      if (std::exchange(in_remark_, in_remark_ && trimmed(line).ends_with('$'))) {
+        remarked_.read(line);
+        note_second_system();
+        continue;
+      }
       const std::size_t first = line.find_first_not_of(" \t");
       if (!open && first != std::string_view::npos && carries_text(line.substr(first)))
         return text_statement(line, first);
       if (const std::size_t comment = line.find("$$"); comment != std::string_view::npos) {
         const std::string_view remark = trimmed(line.substr(comment + 2));
         in_remark_ = remark.starts_with("->") && remark.ends_with('$');
+        remarked_.begin(remark);
+        note_second_system();
         line = line.substr(0, comment);
       }
       const std::size_t more = line.find('$');
@@ -202,6 +259,15 @@ class Reader {
                    "the file was cut off: write it again");
     }
     return std::optional<Statement>{};
+  }
+
+  void note_second_system() {
+    if (remarked_.take_second())
+      note_once(
+          fmt::format("line {}: a second coordinate system in a remark, which lies elsewhere than the one before: the "
+                      "coordinates are "
+                      "taken as they stand, all in one system",
+                      line_));
   }
 
   static bool carries_text(std::string_view line) {
@@ -877,7 +943,8 @@ class Reader {
   Vec3 home_axis_ = Vec3::UnitZ();
   Vec3 cl_point_ = Vec3::Zero();  // of the last GOTO, FROM, GODLTA or GOHOME: where GODLTA counts from
   std::optional<Arc> arc_;
-  std::optional<Arc> done_arc_;                ///< that the tool has just come along, up to the next word but GOTO
+  std::optional<Arc> done_arc_;  ///< that the tool has just come along, up to the next word but GOTO
+  RemarkedSystems remarked_;
   bool from_another_system_ = false;           ///< than Creo: words that NX or CATIA write
   std::optional<Vec3> direction_;              ///< of INDIRV
   std::optional<std::vector<double>> system_;  ///< of MSYS

@@ -7,8 +7,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "choice.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/families/serial/carried_arm.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 #include "polypod/families/serial/six_joint_inverse.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -48,6 +50,13 @@ std::vector<std::string> branches_of(const machine::AnyMachine& machine) {
                                                          : std::vector<std::string>{};
 }
 
+/// That of the machine, where the options do not leave it to the inverse.
+std::optional<machine::CarriedArm> external_axis(const machine::AnyMachine& machine, const PlanOptions& options) {
+  const auto* arm = std::get_if<machine::SerialArm>(&machine);
+  if (arm == nullptr || options.external == External::follows) return std::nullopt;
+  return machine::CarriedArm::on_external_axis(*arm);
+}
+
 bool is_a_branch(const machine::AnyMachine& machine, const std::string& name) {
   const std::vector<std::string> all = branches_of(machine);
   return std::find(all.begin(), all.end(), name) != all.end();
@@ -61,6 +70,7 @@ struct Way {
   Vec3 angles_from = Vec3::Zero();
   bool by_angles = false;  ///< the source gives angles: they turn linearly
   double c_from = 0, c_to = 0;
+  double external_from = 0, external_to = 0;
   bool curved = false;
 
   [[nodiscard]] Vec3 tip(double s) const {
@@ -81,6 +91,13 @@ struct Way {
   }
   [[nodiscard]] Vec3 angles(double s) const { return angles_from + s * (*step->angles - angles_from); }
   [[nodiscard]] double c(double s) const { return c_from + s * (c_to - c_from); }
+  [[nodiscard]] double external(double s) const { return external_from + s * (external_to - external_from); }
+};
+
+/// A pose, and where the external axis stands.
+struct Target {
+  Pose X;
+  double external = 0;
 };
 
 class Planner {
@@ -90,12 +107,14 @@ class Planner {
         machine_(configuration.machine),
         path_(path),
         options_(options),
+        carried_(external_axis(configuration.machine, options)),
         sets_c_(configuration.rotary == Rotary::abc && path.leaves_c() && options.c.value_or(1) != 0) {}
 
   struct Start {
     int turn = 0;                    // which of the two pairs of rotary angles
     std::optional<unsigned> branch;  // of the first point; empty: the first that is reachable
     std::vector<double> c;           // of each step, if it is chosen
+    std::vector<double> external;    // of each step, unless it follows
     int last_turns = 0;              // whole turns that the last joint begins with, where its range has them
   };
 
@@ -109,6 +128,7 @@ class Planner {
     q_.resize(0);
     angles_.setZero();
     R_.setIdentity();
+    external_ = start.external.empty() ? options_.external_at : start.external.front();
     for (std::size_t i = 0; i < path_.steps.size(); ++i) {
       if (i % 64 == 0 && !options_.progress(double(i) / double(path_.steps.size()))) return false;
       const Step& step = path_.steps[i];
@@ -179,10 +199,23 @@ class Planner {
   }
 
  private:
+  /// Those of the machine with its external axis there, if it has one that does not follow.
+  [[nodiscard]] InverseResult solutions(const Target& at) const {
+    return carried_ ? carried_->inverse(at.X, at.external) : kinematics::inverse(machine_, at.X);
+  }
+  [[nodiscard]] InverseResult solutions_near(const Target& at, const JointVector& last) const {
+    return carried_ ? carried_->inverse_near(at.X, at.external, last) : kinematics::inverse_near(machine_, at.X, last);
+  }
+  /// `way` must outlive it.
+  template <class Way>
+  [[nodiscard]] kinematics::SolutionsOnWay on_way(const Way& way) const {
+    return [this, &way](double s, const JointVector& near) { return solutions_near(way(s), near); };
+  }
+
   [[nodiscard]] std::vector<Solution> first_solutions(int turn, double c) const {
     const Step& first = *std::find_if(path_.steps.begin(), path_.steps.end(), [](const Step& s) { return s.placed(); });
     const Vec3 angles = first_angles(first, c, turn);
-    return kinematics::inverse(machine_, in_machine(commanded_by(angles), first.tip)).solutions;
+    return solutions({in_machine(commanded_by(angles), first.tip), options_.external_at}).solutions;
   }
 
   /// The orientation in M that A, B and C command: the axis of the tool turns with the workpiece, and C counts from M
@@ -256,6 +289,7 @@ class Planner {
 
   void take(const Step& step, int index, const Start& start) {
     const double c = start.c.empty() ? options_.c.value_or(0) : start.c[static_cast<std::size_t>(index)];
+    const double external = start.external.empty() ? external_ : start.external[static_cast<std::size_t>(index)];
     if (configuration_.rotary == Rotary::none && angle_between(step.axis, Vec3::UnitZ()) > options_.axis_tolerance) {
       problem(step.line, "axis",
               fmt::format("the tool axis ({:.4f}, {:.4f}, {:.4f}): this machine does not tilt its tool", step.axis.x(),
@@ -265,13 +299,14 @@ class Planner {
       const Vec3 angles = first_angles(step, c, start.turn);
       first_branch_ = start.branch;
       first_turns_ = start.last_turns;
-      arrive(step, index, step.tip, angles, step.kind == StepKind::arc ? StepKind::line : step.kind, false);
+      external_ = external;
+      arrive(step, index, step.tip, angles, external, step.kind == StepKind::arc ? StepKind::line : step.kind, false);
       out_.turned_min = out_.turned_max = {angles.x(), angles.y(), angles.z()};
     } else if (lost_) {
       const Vec3 angles = fits(step) ? *step.angles : nearest_turn(configuration_.rotary, step.axis, c, angles_);
-      arrive(step, index, step.tip, angles, step.kind, false);
+      arrive(step, index, step.tip, angles, external, step.kind, false);
     } else {
-      follow(step, index, c);
+      follow(step, index, c, external);
     }
     lost_ = false;
     c_ = c;
@@ -280,8 +315,18 @@ class Planner {
   }
 
   /// From the place before, which is known.
-  void follow(const Step& step, int index, double c) {
-    const Way way{&step, index, tip_, k_, source_angles_, says_angles(step), c_, c, step.kind == StepKind::arc};
+  void follow(const Step& step, int index, double c, double external) {
+    const Way way{&step,
+                  index,
+                  tip_,
+                  k_,
+                  source_angles_,
+                  says_angles(step),
+                  c_,
+                  c,
+                  external_,
+                  external,
+                  step.kind == StepKind::arc};
     if (!way.by_angles && angle_between(k_, step.axis) > std::numbers::pi - kOpposite) {
       problem(step.line, "axis", "the tool axis turns over, and nothing says which way: give points between");
     }
@@ -312,7 +357,7 @@ class Planner {
     if (step.sweep < 1 && r * (1 - std::cos(step.sweep / 2)) < kFlatArc * options_.tolerance) {
       out_.chord_error = std::max(out_.chord_error, r * (1 - std::cos(step.sweep / 2)));
       ++out_.chorded;
-      return arrive(step, way.index, step.tip, angles_, StepKind::line, false);
+      return arrive(step, way.index, step.tip, angles_, way.external_to, StepKind::line, false);
     }
     const int pieces =
         options_.largest_sweep > 0 ? static_cast<int>(std::ceil(step.sweep / options_.largest_sweep - 1e-9)) : 1;
@@ -348,7 +393,7 @@ class Planner {
     }
     out_.axis_error = std::max(out_.axis_error, off);
     const StepKind kind = step.kind == StepKind::rapid ? StepKind::rapid : StepKind::line;
-    arrive(step, way.index, way.tip(s_1), angles, kind, s_1 < 1);
+    arrive(step, way.index, way.tip(s_1), angles, way.external(s_1), kind, s_1 < 1);
   }
 
   /// From where the tool stands to R_1, or to these angles.
@@ -369,13 +414,14 @@ class Planner {
 
   /// The joints at a pose, after those before it; problems are named. False where there are none. `way` leads there
   /// from the pose before, where the speed of its joints is judged: those that hurry on it then do not count as a jump.
-  bool solve(const Step& step, const Pose& X, const std::function<Pose(double)>& way = {}) {
+  bool solve(const Step& step, const Target& target, const std::function<Target(double)>& way = {}) {
+    const Pose& X = target.X;
     const bool follows = q_.size() > 0;
     // Of what the first pose leaves open, a free joint and whole turns, the nearest to where the joints stand.
     const bool begins = !follows && !placed_ && options_.start_joints.has_value();
-    InverseResult inverse = follows  ? kinematics::inverse_near(machine_, X, q_)
-                            : begins ? kinematics::inverse_near(machine_, X, *options_.start_joints)
-                                     : kinematics::inverse(machine_, X);
+    InverseResult inverse = follows  ? solutions_near(target, q_)
+                            : begins ? solutions_near(target, *options_.start_joints)
+                                     : solutions(target);
     const auto where = [&] {
       return fmt::format("x {:.3f} y {:.3f} z {:.3f} mm in M", units::to_mm(X.p.x()), units::to_mm(X.p.y()),
                          units::to_mm(X.p.z()));
@@ -391,9 +437,9 @@ class Planner {
       for (const Solution& s : inverse.solutions)
         if (s.branch == *first_branch_ && s.violations == 0) named = &s;
       if (named != nullptr) {
-        best = begins ? kinematics::first_solution(machine_, X, inverse,
-                                                   kinematics::branch_name(machine_, named->branch), true)
-                      : named;
+        best = begins && !carried_ ? kinematics::first_solution(machine_, X, inverse,
+                                                                kinematics::branch_name(machine_, named->branch), true)
+                                   : named;
       }
     }
     if (best == nullptr) {
@@ -405,7 +451,7 @@ class Planner {
     bool judged_by_speed = false;
     jumped_ = false;
     if (way && follows && !lost_ && (joints - q_).cwiseAbs().maxCoeff() > kJump) {
-      if (const auto closely = kinematics::followed(machine_, q_, way, kJump)) {
+      if (const auto closely = kinematics::followed(q_, on_way(way), kJump)) {
         joints = *closely;
         judged_by_speed = true;
       }
@@ -416,8 +462,11 @@ class Planner {
               fmt::format("{}: a cut in the posture {}, not in {}", where(),
                           kinematics::branch_name(machine_, best->branch), options_.branch));
     }
-    if (best->singular && options_.joint_speeds.empty()) problem(step.line, "singular", where());
-    if (best->singular && !options_.joint_speeds.empty() && passed_line_ == 0) passed_line_ = step.line;
+    if (best->singular) {
+      const bool judged = kinematics::free_joints_have_limits(machine_, X, joints, options_.joint_speeds);
+      if (!judged) problem(step.line, "singular", where());
+      if (judged && passed_line_ == 0) passed_line_ = step.line;
+    }
     if (!follows || lost_) held_.leave();
     if (const auto at = held_.next(X, joints); at != kinematics::HoldOnPath::At::held && !best->singular) {
       problem(step.line, "singular", fmt::format("{}: {}", where(), in_words(at)));
@@ -452,17 +501,17 @@ class Planner {
   }
 
   /// The way, where the speeds of the joints on it are judged.
-  [[nodiscard]] std::function<Pose(double)> judged_way(double seconds, std::function<Pose(double)> way) const {
+  [[nodiscard]] std::function<Target(double)> judged_way(double seconds, std::function<Target(double)> way) const {
     return options_.joint_speeds.empty() || !(seconds > 0) ? nullptr : std::move(way);
   }
 
-  /// Whether the joints may go from `from` to where they are in this time; `pose(s)` is the way between them.
-  template <class PoseAt>
-  void judge_speeds(const Step& step, const JointVector& from, double seconds, PoseAt&& pose) {
+  /// Whether the joints may go from `from` to where they are in this time; `way(s)` leads there.
+  template <class Way>
+  void judge_speeds(const Step& step, const JointVector& from, double seconds, const Way& way) {
     if (options_.joint_speeds.empty() || !(seconds > 0) || from.size() == 0 || q_.size() == 0) return;
     if (jumped_) return;  // into another posture: no speed takes it there
     const kinematics::FastestJoint fastest =
-        kinematics::fastest_joint(machine_, from, q_, seconds, options_.joint_speeds, pose);
+        kinematics::fastest_joint(from, q_, seconds, options_.joint_speeds, on_way(way));
     if (!fastest.judged) {
       problem(step.line, "limit", "a pose between two that were judged has no joints within the limits");
     }
@@ -522,7 +571,8 @@ class Planner {
                      static_cast<int>(std::ceil(turn / options_.turn_step))});
   }
 
-  void arrive(const Step& step, int index, const Vec3& tip, const Vec3& angles, StepKind kind, bool inserted) {
+  void arrive(const Step& step, int index, const Vec3& tip, const Vec3& angles, double external, StepKind kind,
+              bool inserted) {
     PlannedMove m;
     m.kind = kind;
     m.step = index;
@@ -532,25 +582,26 @@ class Planner {
     const Mat3 commanded = commanded_by(angles);
     bool solved = false;
     if (!placed_ || lost_) {
-      solved = solve(step, in_machine(commanded, tip));
+      solved = solve(step, {in_machine(commanded, tip), external});
     } else {
       const Mat3 R_1 = options_.between == Between::turn ? orientation(tip, angles) : commanded;
       m.length = (tip - tip_).norm();
       m.turn = std::max((angles - angles_).cwiseAbs().maxCoeff(),
                         angle_between(commanded.col(2), commanded_by(angles_).col(2)));
-      const int n = samples(m.length, m.turn);
-      const auto pose = [&](double s) {
-        return in_machine(s >= 1 ? commanded : between(R_1, angles, s), tip_ + s * (tip - tip_));
+      const int n = samples(m.length + std::abs(external - external_), m.turn);
+      const auto at = [&](double s) {
+        return Target{in_machine(s >= 1 ? commanded : between(R_1, angles, s), tip_ + s * (tip - tip_)),
+                      external_ + s * (external - external_)};
       };
       const double seconds = kind == StepKind::rapid ? 0 : seconds_of(m, step);
       for (int i = 1; i <= n; ++i) {
         const JointVector from = q_;
-        const auto way = [&](double s) { return pose((i - 1 + s) / n); };
-        solved = solve(step, pose(double(i) / n), judged_way(seconds, way));
+        const auto way = [&](double s) { return at((i - 1 + s) / n); };
+        solved = solve(step, at(double(i) / n), judged_way(seconds, way));
         judge_speeds(step, from, seconds / n, way);
       }
     }
-    finish(step, std::move(m), commanded, solved);
+    finish(step, std::move(m), commanded, external, solved);
   }
 
   void arrive_by_arc(const Way& way, double s_0, double s_1) {
@@ -573,18 +624,19 @@ class Planner {
     bool solved = false;
     const double seconds = seconds_of(m, step);
     for (int i = 1; i <= n; ++i) {
-      const Vec3 p = way.tip(s_0 + (s_1 - s_0) * i / n);
+      const auto at = [&](double s) { return Target{in_machine(commanded, way.tip(s)), way.external(s)}; };
+      const auto piece = [&](double s) { return at(s_0 + (s_1 - s_0) * (i - 1 + s) / n); };
       const JointVector from = q_;
-      const auto piece = [&](double s) { return in_machine(commanded, way.tip(s_0 + (s_1 - s_0) * (i - 1 + s) / n)); };
-      solved = solve(step, in_machine(commanded, p), judged_way(seconds, piece));
+      solved = solve(step, piece(1), judged_way(seconds, piece));
       judge_speeds(step, from, seconds / n, piece);
-      if (2 * i == n && solved) m.R_via = kinematics::settled(machine_, in_machine(commanded, p), q_).R;
+      if (2 * i == n && solved) m.R_via = kinematics::settled(machine_, piece(1).X, q_).R;
     }
-    finish(step, std::move(m), commanded, solved);
+    finish(step, std::move(m), commanded, way.external(s_1), solved);
   }
 
-  void finish(const Step& step, PlannedMove m, const Mat3& commanded, bool solved) {
+  void finish(const Step& step, PlannedMove m, const Mat3& commanded, double external, bool solved) {
     m.R = commanded;
+    m.external = external;
     if (solved) {
       m.joints = q_;
       m.R = kinematics::settled(machine_, in_machine(commanded, m.tip), q_).R;
@@ -600,6 +652,7 @@ class Planner {
     tip_ = m.tip;
     angles_ = m.angles;
     R_ = m.R;
+    external_ = m.external;
     placed_ = true;
     out_.moves.push_back(std::move(m));
   }
@@ -608,6 +661,7 @@ class Planner {
   const machine::AnyMachine& machine_;
   const Path& path_;
   const PlanOptions& options_;
+  const std::optional<machine::CarriedArm> carried_;
   const bool sets_c_;
   Plan out_;
   bool placed_ = false;
@@ -622,7 +676,7 @@ class Planner {
   bool chooses_c_ = false;
   bool lost_ = false;    // the last rapid went to a place that is not known whole
   bool jumped_ = false;  // to the last pose, which is named
-  double c_ = 0;
+  double c_ = 0, external_ = 0;
   JointVector q_;
   kinematics::HoldOnPath held_{machine_};
 };
@@ -631,48 +685,76 @@ tl::unexpected<Error> cancelled() {
   return fail("PO199", "cancelled");
 }
 
-/// C chosen along the program in each posture, the one that looks best first; after the first in which the plan has no
-/// problem no other is looked at.
-template <class Start, class Planning>
-Result<std::vector<Start>> chosen_starts(const Configuration& configuration, const Path& path,
-                                         const PlanOptions& options, Planning& planner) {
+/// What is chosen along the program, in each posture, the one that looks best first; after the first in which the plan
+/// has no problem no other is looked at.
+Result<std::vector<Planner::Start>> chosen_starts(const Configuration& configuration, const Path& path,
+                                                  const PlanOptions& options, Planner& planner) {
   struct Posture {
-    unsigned branch;
+    ChoiceQuestion question;
     double cost;
   };
   std::vector<Posture> postures;
   for (unsigned branch = 0; branch < kClosedBranches; ++branch) {
     if (!options.branch.empty() && kinematics::branch_name(configuration.machine, branch) != options.branch) continue;
-    postures.push_back({branch, first_look(configuration, path, options, branch)});
+    for (int turn = 0; turn < (options.c ? 2 : 1); ++turn) {
+      const ChoiceQuestion question{branch, turn, false};
+      postures.push_back({question, first_look(configuration, path, options, question)});
+    }
   }
   std::stable_sort(postures.begin(), postures.end(),
                    [](const Posture& a, const Posture& b) { return a.cost < b.cost; });
-  std::vector<Start> out;
+  std::vector<Planner::Start> out;
   std::size_t blocked = 0;
   for (const Posture& posture : postures) {
     if (!std::isfinite(posture.cost)) continue;
-    ChosenTurns chosen = choose_c(configuration, path, options, posture.branch, 0);
-    if (!options.progress(0)) return cancelled();
-    if (chosen.c.empty()) {
-      blocked = std::max(blocked, chosen.blocked);
-      continue;
+    for (const bool every_point : {false, true}) {
+      ChoiceQuestion question = posture.question;
+      question.every_point = every_point;
+      Choice chosen = choose(configuration, path, options, question);
+      if (!options.progress(0)) return cancelled();
+      if (!chosen.found) {
+        blocked = std::max(blocked, chosen.blocked);
+        break;  // nor at more points
+      }
+      out.push_back({question.turn, question.branch, std::move(chosen.c), std::move(chosen.external)});
+      if (!planner.run(out.back(), false)) return cancelled();
+      if (!planner.result().ok()) continue;
+      std::swap(out.front(), out.back());
+      return out;
     }
-    out.push_back({0, posture.branch, std::move(chosen.c)});
-    if (!planner.run(out.back(), false)) return cancelled();
-    if (!planner.result().ok()) continue;
-    std::swap(out.front(), out.back());
-    return out;
   }
   if (!out.empty()) return out;
   const bool speeds = !options.joint_speeds.empty();
   const bool anywhere =
       std::any_of(postures.begin(), postures.end(), [](const Posture& p) { return std::isfinite(p.cost); });
-  return fail(
-      "PO123",
-      fmt::format("no C keeps every point of this program within the limits{} in one posture{}",
-                  speeds ? " and the joints' speeds" : "", anywhere ? ": at the latest this line stops it" : ""),
-      {path.file, anywhere ? path.steps[blocked].line : 0, anywhere ? 1 : 0},
-      "see with --c 0 which lines are out of reach, or move the workpiece with --origin");
+  const bool place = options.external == External::chosen;
+  const char* what = options.c ? "place of the external axis" : place ? "C and no place of the external axis" : "C";
+  return fail("PO123",
+              fmt::format("no {} {} every point of this program within the limits{} in one posture{}", what,
+                          !options.c && place ? "keep" : "keeps", speeds ? " and the joints' speeds" : "",
+                          anywhere ? ": at the latest this line stops it" : ""),
+              {path.file, anywhere ? path.steps[blocked].line : 0, anywhere ? 1 : 0},
+              place ? "see with --external-axis follows which lines are out of reach, or move the workpiece with "
+                      "--origin"
+                    : "see with --c 0 which lines are out of reach, or move the workpiece with --origin");
+}
+
+/// Where the external axis stands at the end of each step of a plan, so that the next one moves it there linearly.
+std::vector<double> external_of(const Path& path, const Plan& plan) {
+  std::vector<double> out(path.steps.size());
+  double last = 0;
+  bool known = false;
+  std::size_t done = 0;
+  for (const PlannedMove& m : plan.moves) {
+    if (m.joints.size() == 0) continue;
+    if (!known) last = m.joints[0];
+    known = true;
+    const auto step = static_cast<std::size_t>(m.step);
+    for (; done < step; ++done) out[done] = last;
+    last = m.joints[0];
+  }
+  for (; done < out.size(); ++done) out[done] = last;
+  return out;
 }
 
 }  // namespace
@@ -704,6 +786,18 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
       return fail("PO127", fault, {}, "give the joints where the machine stands before the program");
   }
   PlanOptions asked = options;
+  const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
+  const auto axis = arm != nullptr ? machine::CarriedArm::on_external_axis(*arm) : std::nullopt;
+  if (!axis) {
+    asked.external = External::follows;
+  } else if (!axis->moves()) {
+    asked.external = External::stands;
+    asked.external_at = *axis->axis().locked;
+  } else if (asked.external == External::chosen && configuration.rotary != Rotary::abc) {
+    asked.external = External::linear;
+  }
+  const bool linear = asked.external == External::linear;
+  if (linear) asked.external = External::follows;
   if (asked.branch.empty() && asked.start_joints) {
     asked.branch = kinematics::posture_of(configuration.machine, *asked.start_joints);
   }
@@ -713,15 +807,14 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     return fail("PO122", fmt::format("the first point cannot be reached with the branch `{}`{}", asked.branch, reached),
                 {path.file}, planner.branches_in_words(turns, asked.c.value_or(0)));
   };
-  const bool choose = configuration.rotary == Rotary::abc && !asked.c;
+  const bool choose = (configuration.rotary == Rotary::abc && !asked.c) || asked.external == External::chosen;
   std::vector<Planner::Start> starts;
   if (choose) {
-    const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
-    if (arm == nullptr || !machine::six_joint_inverse(*arm)) {
+    if (!axis && (arm == nullptr || !machine::six_joint_inverse(*arm))) {
       return fail("PO123", "C cannot be chosen on this machine: its inverse names no postures", {}, "give --c DEG");
     }
     if (!asked.branch.empty() && !is_a_branch(configuration.machine, asked.branch)) return not_there("");
-    POLYPOD_ASSIGN(chosen, chosen_starts<Planner::Start>(configuration, path, asked, planner));
+    POLYPOD_ASSIGN(chosen, chosen_starts(configuration, path, asked, planner));
     starts = std::move(chosen);
   } else {
     std::vector<std::string> reached;
@@ -729,7 +822,7 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
       for (const unsigned branch : planner.branches(turn, asked.c.value_or(0))) {
         add_name(reached, kinematics::branch_name(configuration.machine, branch));
         if (asked.branch.empty() || kinematics::branch_name(configuration.machine, branch) == asked.branch) {
-          starts.push_back({turn, branch, {}});
+          starts.push_back({turn, branch, {}, {}});
         }
       }
     }
@@ -755,6 +848,7 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
   }
   if (!planner.run(starts.front(), true)) return cancelled();
   Plan first = planner.take_plan();
+  std::size_t used = 0;
   if (const auto beginning = first.ok() || options.start_joints ? std::nullopt : planner.beginning(first.moves)) {
     asked.start_joints = beginning->joints;
     if (!planner.run(starts.front(), true)) return cancelled();
@@ -769,12 +863,22 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
     if (!planner.run(starts[i], false)) return cancelled();
     if (!planner.result().ok()) continue;
     first = planner.take_plan();
+    used = i;
     if (starts[i].last_turns != 0 && !first.moves.empty() && first.moves.front().joints.size() > 0) {
       first.notes.push_back(
           fmt::format("joint {} begins at {:.1f} deg: bring it there before the program starts, or it comes to the end "
                       "of its range",
                       last + 1, units::to_deg(first.moves.front().joints[last])));
     }
+  }
+  if (linear && first.ok()) {
+    asked.external = External::stands;  // at the end of each step where it came to
+    Planner again(configuration, path, asked);
+    starts[used].external = external_of(path, first);
+    if (!again.run(starts[used], true)) return cancelled();
+    std::vector<std::string> notes = std::move(first.notes);
+    first = again.take_plan();
+    first.notes.insert(first.notes.begin(), notes.begin(), notes.end());
   }
   return first;
 }

@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "polypod/core/units.hpp"
+#include "polypod/families/serial/carried_arm.hpp"
 #include "polypod/families/serial/kinematics.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machine/urdf.hpp"
@@ -80,7 +81,8 @@ struct Line {
 /// What a language prints; the order of statements is that of write_robot.
 class Language {
  public:
-  explicit Language(const WriteOptions& options) : options_(options) {}
+  /// `external`: the axis that carries the arm, of which languages write where it stands; nullptr where there is none.
+  Language(const WriteOptions& options, const machine::DhRow* external) : options_(options), external_(external) {}
   virtual ~Language() = default;
   Language(const Language&) = delete;
   Language& operator=(const Language&) = delete;
@@ -112,7 +114,15 @@ class Language {
     return out;
   }
 
+  /// Where the external axis stands, in mm or deg; empty where there is none.
+  [[nodiscard]] std::string external(double at) const {
+    if (external_ == nullptr) return "";
+    const bool turns = external_->kind == machine::JointKind::revolute;
+    return number(turns ? units::to_deg(at) : units::to_mm(at), turns ? 6 : 4);
+  }
+
   const WriteOptions& options_;
+  const machine::DhRow* external_;
   std::vector<std::string> head_;
   std::vector<Line> body_;
 };
@@ -138,20 +148,20 @@ class Krl final : public Language {
     }
   }
   void first(const PlannedMove& m, const Posture& posture) override {
-    add("PTP " + frame({m.R, m.tip}) + bits(posture) + "}", true);
+    add("PTP " + frame({m.R, m.tip}) + bits(posture) + e1(m.external) + "}", true);
   }
   void line(const PlannedMove& m, const Posture& posture, double speed, double blend) override {
     const bool turns_only = !(m.length > 0);
     turning(turns_only);
     if (!turns_only) velocity(speed);
     distance(blend);
-    add("LIN " + frame({m.R, m.tip}) + bits(posture) + "}" + (blend > 0 ? " C_DIS" : ""), true);
+    add("LIN " + frame({m.R, m.tip}) + bits(posture) + e1(m.external) + "}" + (blend > 0 ? " C_DIS" : ""), true);
   }
   void arc(const PlannedMove& m, const Posture& posture, double speed, double blend) override {
     turning(false);
     velocity(speed);
     distance(blend);
-    add("CIRC " + frame({m.R_via, m.via}) + "}," + frame({m.R, m.tip}) + bits(posture) + "}" +
+    add("CIRC " + frame({m.R_via, m.via}) + "}," + frame({m.R, m.tip}) + bits(posture) + e1(m.external) + "}" +
             (blend > 0 ? " C_DIS" : ""),
         true);
   }
@@ -191,6 +201,7 @@ class Krl final : public Language {
   static std::string bits(const Posture& posture) {
     return fmt::format(",S {},T {}", posture.status(), posture.turns());
   }
+  [[nodiscard]] std::string e1(double at) const { return external_ == nullptr ? "" : ",E1 " + external(at); }
   void velocity(double speed) {
     const std::string text = fmt::format("$VEL.CP={}", number(speed, 6));
     if (text != velocity_) add(text);
@@ -226,19 +237,23 @@ class Rapid final : public Language {
     add("ConfL\\Off;");
   }
   void first(const PlannedMove& m, const Posture& posture) override {
-    add(fmt::format("MoveJ {},{},fine,tPart\\WObj:=wPart;", target({m.R, m.tip}, posture),
+    add(fmt::format("MoveJ {},{},fine,tPart\\WObj:=wPart;", target({m.R, m.tip}, posture, m.external),
                     speed(options_.rapid_speed, false)),
         true);
+    before_ = m.external;
   }
   void line(const PlannedMove& m, const Posture& posture, double v, double blend) override {
-    add(fmt::format("MoveL {},{},{},tPart\\WObj:=wPart;", target({m.R, m.tip}, posture), speed(v, m.length < kNoWay),
-                    zone(blend)),
+    add(fmt::format("MoveL {},{},{},tPart\\WObj:=wPart;", target({m.R, m.tip}, posture, m.external),
+                    speed(v, m.length < kNoWay), zone(blend)),
         true);
+    before_ = m.external;
   }
   void arc(const PlannedMove& m, const Posture& posture, double v, double blend) override {
-    add(fmt::format("MoveC {},{},{},{},tPart\\WObj:=wPart;", target({m.R_via, m.via}, posture),
-                    target({m.R, m.tip}, posture), speed(v, false), zone(blend)),
+    add(fmt::format("MoveC {},{},{},{},tPart\\WObj:=wPart;",
+                    target({m.R_via, m.via}, posture, (before_ + m.external) / 2),
+                    target({m.R, m.tip}, posture, m.external), speed(v, false), zone(blend)),
         true);
+    before_ = m.external;
   }
   void comment(const std::string& text) override { add("! " + text); }
   void stop(bool optional) override { add(optional ? "! optional stop" : "Stop;"); }
@@ -273,11 +288,11 @@ class Rapid final : public Language {
     return fmt::format("[[{}],[{},{}]]", joined(X.p, units::kMmPerMetre, 4), number(q.w(), 9),
                        joined(Vec3(q.vec()), 1, 9));
   }
-  static std::string target(const Pose& X, const Posture& posture) {
+  [[nodiscard]] std::string target(const Pose& X, const Posture& posture, double at) const {
     const std::array<int, 4> cf = posture.conf();
     const std::string p = pose(X);
-    return fmt::format("{},[{},{},{},{}],[9E9,9E9,9E9,9E9,9E9,9E9]]", p.substr(0, p.size() - 1), cf[0], cf[1], cf[2],
-                       cf[3]);
+    return fmt::format("{},[{},{},{},{}],[{},9E9,9E9,9E9,9E9,9E9]]", p.substr(0, p.size() - 1), cf[0], cf[1], cf[2],
+                       cf[3], external_ == nullptr ? "9E9" : external(at));
   }
   /// Its name; each distance has zone data of its own.
   std::string zone(double blend) {
@@ -292,6 +307,7 @@ class Rapid final : public Language {
     return name;
   }
   std::map<std::string, std::string> zones_;
+  double before_ = 0;  // where the external axis was
 
   /// [mm/s, deg/s, of external axes]
   std::string speed(double v, bool turn) const {
@@ -361,10 +377,10 @@ class UrScript final : public Language {
   }
 };
 
-std::unique_ptr<Language> language_of(Dialect dialect, const WriteOptions& options) {
-  if (dialect == Dialect::krl) return std::make_unique<Krl>(options);
-  if (dialect == Dialect::rapid) return std::make_unique<Rapid>(options);
-  return std::make_unique<UrScript>(options);
+std::unique_ptr<Language> language_of(Dialect dialect, const WriteOptions& options, const machine::DhRow* external) {
+  if (dialect == Dialect::krl) return std::make_unique<Krl>(options, external);
+  if (dialect == Dialect::rapid) return std::make_unique<Rapid>(options, external);
+  return std::make_unique<UrScript>(options, external);
 }
 
 std::string state_of(const Step& step) {
@@ -400,9 +416,11 @@ Posture posture_of(const Configuration& configuration, const machine::JointVecto
   Posture out;
   const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
   if (arm == nullptr || joints.size() == 0) return out;
-  machine::SerialArm whole = *arm;
-  machine::JointVector q(static_cast<Eigen::Index>(arm->dh.size()));
-  int next = 0;
+  // An external axis has no part in it.
+  const auto carried = machine::CarriedArm::on_external_axis(*arm);
+  machine::SerialArm whole = carried ? carried->arm() : *arm;
+  machine::JointVector q(static_cast<Eigen::Index>(whole.dh.size()));
+  int next = carried && carried->moves() ? 1 : 0;
   for (std::size_t i = 0; i < whole.dh.size(); ++i) {
     const double value = whole.dh[i].locked ? *whole.dh[i].locked : joints[next++];
     q[static_cast<int>(i)] = value;
@@ -535,13 +553,15 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
                 fmt::format("{} is no arm, so no robot's controller moves it", machine::name_of(configuration.machine)),
                 {}, "use --to ngc");
   }
-  if (arm->dh.size() > 6) {
+  const auto carried = machine::CarriedArm::on_external_axis(*arm);
+  if (arm->dh.size() > 6 && (!carried || dialect == Dialect::urscript)) {
     return fail(
         "PO121",
-        fmt::format("{} has {} joints, locked ones counted; external axes, such as a rail, are not written in a "
-                    "robot's language",
-                    machine::name_of(configuration.machine), arm->dh.size()),
-        {}, "give the six joints of the robot as a machine of their own, its base where it stands on the rail");
+        fmt::format("{} has {} joints, locked ones counted{}", machine::name_of(configuration.machine), arm->dh.size(),
+                    carried ? "; URScript knows no external axis that carries the robot"
+                            : ", and its first does not carry an arm of six joints with a closed inverse, as a "
+                              "rail does"),
+        {}, "give the six joints of the robot as a machine of their own, its base where it stands");
   }
   if (const auto flange = arm->provenance.find(machine::kFlange);
       flange != arm->provenance.end() && flange->second.starts_with(machine::kNotKnown)) {
@@ -557,8 +577,10 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
   }
   POLYPOD_TRY(fits_a_robot(path));
   Written out;
-  const auto language = language_of(dialect, options);
-  language->begin(arm->X_MB.inverse() * Pose{rotation_z(options.rotation), options.origin}, arm->X_FT);
+  const machine::DhRow* const external = carried ? &carried->axis() : nullptr;
+  const auto language = language_of(dialect, options, external);
+  language->begin((carried ? carried->arm() : *arm).X_MB.inverse() * Pose{rotation_z(options.rotation), options.origin},
+                  arm->X_FT);
   // The plan has orientations along the axes of M; the language wants those in the frame of the workpiece.
   const Mat3 R_WM = rotation_z(-options.rotation);
   std::string state;
@@ -610,7 +632,15 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
   if (arm->X_FT.p.norm() < kNoTool)
     out.notes.push_back("the tool tip is the flange: the machine file gives no tool length (`--set tool.z_mm=...`)");
   for (std::string& note : robot_notes(path, options)) out.notes.push_back(std::move(note));
-  if (arm->dh.size() != 6)
+  if (external != nullptr) {
+    out.notes.push_back(fmt::format(
+        "joint 1 of the machine file is written as {}, in {}; the workpiece frame counts from the robot's base where "
+        "it "
+        "is at 0, so there the world frame of the controller must be, with the axis configured as one that carries the "
+        "robot",
+        dialect == Dialect::krl ? "the external axis E1" : "the external axis eax_a",
+        external->kind == machine::JointKind::revolute ? "deg" : "mm"));
+  } else if (arm->dh.size() != 6)
     out.notes.push_back(
         fmt::format("the tool frame is given in the last frame of the {} joints of the machine file", arm->dh.size()));
   if (!known && dialect != Dialect::urscript)

@@ -206,6 +206,28 @@ TEST(Cl, ReadsTheWordsOfNxCatiaAndCreo) {
   EXPECT_EQ(id_of(post::parse_cl("LOAD/TOOL\nGOTO/1,2,3\nFINI\n", "t.cl")), "PO103");
 }
 
+/// Creo and CATIA write where their coordinates lie into remarks: a second system that lies elsewhere is named.
+TEST(Cl, NamesASecondSystemInARemark) {
+  const auto creo = [](double x) {
+    return fmt::format("$$-> CSYS / 1.0, 0.0, 0.0, {:.1f}, $\n  0.0, 1.0, 0.0, 0.0, $\n  0.0, 0.0, 1.0, 0.0\n", x);
+  };
+  const auto catia = [](double x) {
+    return fmt::format(
+        "$$*CATIA0\n$$ Manufacturing Program.1\n$$     1.00000    0.00000    0.00000    {:.5f}\n"
+        "$$     0.00000    1.00000    0.00000    0.00000\n$$     0.00000    0.00000    1.00000    0.00000\n",
+        x);
+  };
+  const auto notes = [](const std::string& first, const std::string& second) {
+    return read("UNITS/MM\n" + first + "RAPID\nGOTO/1,2,3\nFEDRAT/100,MMPM\n" + second + "GOTO/1,2,0\nFINI\n").notes;
+  };
+  using testing::Contains;
+  using testing::HasSubstr;
+  EXPECT_THAT(notes(creo(0), creo(50)), Contains(HasSubstr("line 10: a second coordinate system")));
+  EXPECT_THAT(notes(catia(0), catia(50)), Contains(HasSubstr("line 14: a second coordinate system")));
+  for (const auto& same : {notes(creo(5), creo(5)), notes(catia(5), catia(5)), notes(creo(5), "$$ 1 2 3\n")})
+    EXPECT_THAT(same, testing::Not(Contains(HasSubstr("second coordinate system"))));
+}
+
 TEST(Cl, TellsItsFilesFromPrograms) {
   for (const char* cl : {"$$ from a CAM system\n", "\n  PARTNO/A\n", "units/mm\n", "GOTO/1,2,3\n"})
     EXPECT_TRUE(post::looks_like_cl(cl)) << cl;

@@ -26,11 +26,12 @@ using test::value;
 struct RandomLadder {
   LadderSize size;
   std::vector<double> states, steps;
+  [[nodiscard]] int count() const { return size.rungs * size.columns; }
   [[nodiscard]] double state(std::size_t n, int j) const {
-    return states[n * static_cast<std::size_t>(size.rungs) + static_cast<std::size_t>(j)];
+    return states[n * static_cast<std::size_t>(count()) + static_cast<std::size_t>(j)];
   }
   [[nodiscard]] double step(std::size_t n, int i, int j) const {
-    const auto m = static_cast<std::size_t>(size.rungs);
+    const auto m = static_cast<std::size_t>(count());
     return steps[(n * m + static_cast<std::size_t>(i)) * m + static_cast<std::size_t>(j)];
   }
 };
@@ -38,10 +39,15 @@ struct RandomLadder {
 RandomLadder random_ladder(std::mt19937& random) {
   constexpr double kNone = std::numeric_limits<double>::infinity();
   RandomLadder out;
-  out.size = {2 + random() % 5, static_cast<int>(2 + random() % 4), static_cast<int>(1 + random() % 3),
-              random() % 2 == 0};
+  const auto pick = [&](unsigned from, unsigned count) { return static_cast<int>(from + random() % count); };
+  out.size.points = 2 + random() % 4;
+  out.size.rungs = pick(1, 5);
+  out.size.farthest = pick(1, 3);
+  out.size.around = random() % 2 == 0;
+  out.size.columns = pick(1, 3);
+  out.size.farthest_column = pick(1, 2);
   std::uniform_real_distribution<double> cost(0, 1);
-  const auto m = static_cast<std::size_t>(out.size.rungs);
+  const auto m = static_cast<std::size_t>(out.count());
   for (std::size_t k = 0; k < out.size.points * m; ++k) out.states.push_back(random() % 5 == 0 ? kNone : cost(random));
   for (std::size_t k = 0; k < out.size.points * m * m; ++k) {
     out.steps.push_back(random() % 5 == 0 ? kNone : cost(random));
@@ -49,19 +55,20 @@ RandomLadder random_ladder(std::mt19937& random) {
   return out;
 }
 
-int apart(const LadderSize& size, int i, int j) {
-  const int d = std::abs(i - j);
-  return size.around ? std::min(d, size.rungs - d) : d;
+bool near_enough(const LadderSize& size, int i, int j) {
+  const int d = std::abs(i % size.rungs - j % size.rungs);
+  return (size.around ? std::min(d, size.rungs - d) : d) <= size.farthest &&
+         std::abs(i / size.rungs - j / size.rungs) <= size.farthest_column;
 }
 
 /// Every way, one by one.
 double by_brute_force(const RandomLadder& ladder, std::size_t n, int last) {
   if (n == ladder.size.points) return 0;
   double best = std::numeric_limits<double>::infinity();
-  for (int j = 0; j < ladder.size.rungs; ++j) {
+  for (int j = 0; j < ladder.count(); ++j) {
     double cost = ladder.state(n, j);
     if (n > 0) {
-      if (apart(ladder.size, last, j) > ladder.size.farthest) continue;
+      if (!near_enough(ladder.size, last, j)) continue;
       cost += ladder.step(n, last, j);
     }
     if (std::isfinite(cost)) best = std::min(best, cost + by_brute_force(ladder, n + 1, j));
@@ -86,16 +93,17 @@ TEST(Ladder, CheapestOfAllWays) {
     ASSERT_EQ(way.rungs.size(), ladder.size.points);
     EXPECT_NEAR(way.cost, best, 1e-12);
     // The way that is given costs what is said of it.
-    const auto rung = [&](std::size_t n) {
+    const auto state = [&](std::size_t n) {
       const int m = ladder.size.rungs;
-      return ((way.rungs[n] % m) + m) % m;
+      return way.columns[n] * m + ((way.rungs[n] % m) + m) % m;
     };
     double sum = 0;
     for (std::size_t n = 0; n < ladder.size.points; ++n) {
-      sum += ladder.state(n, rung(n));
+      sum += ladder.state(n, state(n));
       if (n == 0) continue;
-      sum += ladder.step(n, rung(n - 1), rung(n));
+      sum += ladder.step(n, state(n - 1), state(n));
       EXPECT_LE(std::abs(way.rungs[n] - way.rungs[n - 1]), ladder.size.farthest);
+      EXPECT_LE(std::abs(way.columns[n] - way.columns[n - 1]), ladder.size.farthest_column);
     }
     EXPECT_NEAR(sum, best, 1e-12);
   }

@@ -264,7 +264,7 @@ TEST(Programs, MovesInMachineCoordinatesAreRefusedOrNamed) {
 
 TEST(Programs, WordsThatCannotBeCarriedOverAreRefused) {
   const auto refused = [](const std::string& t) { return test::id_of(Source(t).read()); };
-  EXPECT_EQ(refused("G21 G90\nG9 G0 X0 Y0 Z30\nM2\n"), "PO118");
+  EXPECT_EQ(refused("G21 G90\nG9 G0 X0 Y0 Z30\nM2\n"), "GC120");
   EXPECT_EQ(refused("G21 G90\nM250\nG0 X0 Y0 Z30\nM2\n"), "GC178");
   EXPECT_EQ(refused("G21 G90\n/G0 X0 Y0 Z30\nM2\n"), "PO126");
   post::ProgramOptions said;

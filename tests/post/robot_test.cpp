@@ -322,15 +322,19 @@ TEST(Robots, AreArms) {
 }
 
 // The rail was left out of what was written, with a yes.
-TEST(Robots, AreNotWrittenWithoutTheirRail) {
+TEST(Robots, AreNotWrittenWithoutTheirRails) {
   auto arm = std::get<machine::SerialArm>(test::load("kuka-kr210"));
   machine::DhRow rail;
   rail.kind = machine::JointKind::prismatic;
   rail.range = {0, 2};
-  arm.dh.insert(arm.dh.begin(), rail);
-  const machine::AnyMachine machine(arm);
-  const post::Configuration moving{"rail", machine, machine, post::Rotary::none};
-  EXPECT_EQ(test::id_of(post::write(Dialect::krl, moving, {}, {})), "PO121");
+  const auto id_for = [&](Dialect dialect) {
+    arm.dh.insert(arm.dh.begin(), rail);
+    const machine::AnyMachine machine(arm);
+    const post::Configuration moving{"rail", machine, machine, post::Rotary::none};
+    return test::id_of(post::write(dialect, moving, {}, {}));
+  };
+  EXPECT_EQ(id_for(Dialect::urscript), "PO121") << "it has no external axis";
+  EXPECT_EQ(id_for(Dialect::krl), "PO121") << "two rails";
 }
 
 }  // namespace

@@ -43,6 +43,15 @@ enum class Between : std::uint8_t {
   turn     ///< the tool turns about one axis from the first orientation to the second (LIN, MoveL, movel)
 };
 
+/// What an external axis does that carries the arm, a rail or a turntable (machine::CarriedArm::on_external_axis); on
+/// other machines nothing.
+enum class External : std::uint8_t {
+  follows,  ///< as the inverse moves it from pose to pose
+  linear,   ///< at the end of each step as `follows`, and linearly between, as robots' controllers do
+  chosen,   ///< chosen along the program, as C is; linearly between its steps
+  stands    ///< at external_at
+};
+
 struct PlanOptions {
   Vec3 origin = Vec3::Zero();  ///< p_MW, m
   double rotation = 0;         ///< rad, of W about z_M
@@ -62,6 +71,8 @@ struct PlanOptions {
   /// Rotary::abc: C, rad; empty: chosen along the program. A G-code program that commands C keeps its own; of one that
   /// commands A or B alone the tool axes count, where this is not 0.
   std::optional<double> c = 0.0;
+  External external = External::follows;
+  double external_at = 0;    ///< rad or m
   std::string branch;        ///< the posture to begin with; empty: the first in which all is well
   bool keep_branch = false;  ///< a cut in another posture than `branch` is a problem of kind "branch"
   /// Largest speed of each joint, rad/s or m/s, one a joint of the configuration; empty: not judged. Cuts are judged at
@@ -82,6 +93,7 @@ struct PlannedMove {
   Vec3 angles = Vec3::Zero();       ///< A, B, C, rad, as they turn on and on
   Mat3 R = Mat3::Identity();        ///< R_WT that the machine then has
   machine::JointVector joints;      ///< empty where the pose is out of reach
+  double external = 0;              ///< rad or m, where the external axis stands
   Vec3 via = Vec3::Zero();          ///< arcs: the tip half way
   Mat3 R_via = Mat3::Identity();
   Vec3 centre = Vec3::Zero(), normal = Vec3::UnitZ();

@@ -1,0 +1,423 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "choice.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include "polypod/core/units.hpp"
+#include "polypod/families/serial/carried_arm.hpp"
+#include "polypod/families/serial/six_joint_inverse.hpp"
+#include "polypod/post/ladder.hpp"
+#include "turns.hpp"
+
+namespace polypod::post {
+namespace {
+
+constexpr double kTurn = 2 * std::numbers::pi;
+constexpr double kPole = 1e-9;  // of a unit vector across the axis about which the tool turns: none
+constexpr double kNone = std::numeric_limits<double>::infinity();
+constexpr std::size_t kMostJoints = 7;
+
+// Rungs of C, and by how many it changes from point to point; places of the external axis. The finer ones hold the
+// coarser.
+constexpr int kTurns = 72, kCoarseTurns = 36;
+constexpr double kFarthestTurn = units::from_deg(30);
+constexpr int kPlaces = 65, kCoarsePlaces = 17;
+constexpr int kLookedTurns = 24, kLookedPlaces = 9;
+constexpr double kRungEvery = 1.0 / 200;  // of the sum of links
+constexpr double kRungTurn = units::from_deg(5);
+
+// What a state costs: a joint this share of its range from a limit, and a pose this near to a singular one, cost their
+// weight; so does the compliance across the path where it is as large as the least at the first point.
+constexpr double kNearLimit = 0.05, kLimitWeight = 0.02;
+constexpr double kNearSingular = 0.02, kSingularWeight = 0.05;
+constexpr double kComplianceWeight = 0.02;
+// What a step costs besides the squares of the joints' changes: a joint at its speed limit, and a joint that moves by
+// more than `kJump` rad in a cut.
+constexpr double kSpeedWeight = 0.1, kJump = 1.0, kJumpCost = 100, kRungWeight = 1e-4;
+constexpr double kStartWeight = 0.5;
+
+/// m, of the joints that turn; not 0.
+double sum_of_links(const machine::SerialArm& arm) {
+  double out = 0;
+  for (const machine::DhRow& row : arm.dh)
+    if (row.kind == machine::JointKind::revolute) out += std::abs(row.a) + std::abs(row.d);
+  return std::max(out, 1e-3);
+}
+
+/// The joints of a state, those of the whole arm.
+struct Rung {
+  bool exists = false;
+  std::array<double, kMostJoints> q{};
+};
+
+/// One point of the path as the ladder sees it.
+struct LadderPoint {
+  Vec3 p = Vec3::Zero();           // in M
+  Vec3 axis = Vec3::UnitZ();       // of the tool
+  Vec3 across = Vec3::Zero();      // of the path and the tool; 0: none
+  std::optional<Vec3> angles;      // where C is not chosen
+  std::optional<double> external;  // where it is not chosen
+  double seconds = 0;              // of the step that leads there; 0: not judged, as in rapids
+  double length = 0;               // m, the same; of a turn alone it is none
+  bool rapid = false;
+  std::size_t step = 0;  // of the path
+};
+
+/// Which values a ladder has.
+struct Values {
+  int turns = 1, places = 1;
+};
+
+/// The states of one arm along a path, in one posture.
+class States {
+ public:
+  States(const machine::SerialArm& arm, const std::vector<LadderPoint>& points, const PlanOptions& options,
+         unsigned branch, const Values& values)
+      : arm_(arm),
+        carried_(machine::CarriedArm::on_external_axis(arm)),
+        inverse_(*machine::six_joint_inverse(carried_ ? carried_->arm() : arm)),
+        points_(points),
+        options_(options),
+        branch_(static_cast<int>(branch)),
+        values_(values),
+        row_(static_cast<std::size_t>(values.turns * values.places)),
+        next_(row_.size()) {
+    for (const machine::DhRow& row : arm.dh) {
+      if (row.locked) continue;
+      ranges_[joints_] = row.range;
+      whole_turns_[joints_] = row.kind == machine::JointKind::revolute;
+      compliance_[joints_++] = row.compliance;
+    }
+    weighs_compliance_ = std::any_of(compliance_.begin(), compliance_.end(), [](double c) { return c > 0; });
+    if (carried_ && carried_->moves()) behind_ = 1;
+  }
+
+  [[nodiscard]] double turn(int rung) const { return kTurn / values_.turns * (rung - values_.turns / 2); }
+  [[nodiscard]] double place(int column) const {
+    const machine::JointRange range = ranges_.front();
+    return values_.places < 2 ? range.min : range.min + (range.max - range.min) * column / (values_.places - 1);
+  }
+
+  double state(std::size_t n, int j) {
+    if (j == 0) std::swap(row_, next_);
+    const LadderPoint& point = points_[n];
+    Rung& rung = next_[static_cast<std::size_t>(j)];
+    rung.exists = false;
+    const int turned = j % values_.turns;
+    const Vec3 angles =
+        point.angles ? *point.angles : both_turns(Rotary::abc, point.axis, turn(turned), Vec3::Zero())[0];
+    Pose X{R_MW_ * rotation_abc(angles.x(), angles.y(), angles.z()) * R_MW_.transpose(), point.p};
+    if (carried_) {
+      const double u = point.external ? *point.external : place(j / values_.turns);
+      X = carried_->seen(X, u);
+      rung.q[0] = u;
+    }
+    machine::SixJointBranches out;
+    std::visit([&](const auto& inverse) { inverse.solve(X, out); }, inverse_);
+    if (!out.exists[branch_] || out.singular[branch_]) return kNone;
+    std::copy_n(out.joints[branch_], 6, rung.q.begin() + behind_);
+    for (std::size_t i = 0; i < joints_; ++i) {
+      if (rung.q[i] < ranges_[i].min - kSlack || rung.q[i] > ranges_[i].max + kSlack) return kNone;
+    }
+    rung.exists = true;
+    double cost = cost_of_limits(rung) + cost_of_pose(rung, point);
+    if (n == 0) {
+      const int off = values_.turns > 1 ? turned - values_.turns / 2 : 0;
+      cost += cost_of_start(rung) + 1e-6 * off * off;
+    }
+    return cost;
+  }
+
+  double step(std::size_t n, int i, int j) const {
+    const Rung &a = row_[static_cast<std::size_t>(i)], &b = next_[static_cast<std::size_t>(j)];
+    const LadderPoint& point = points_[n];
+    const int way = std::abs(i % values_.turns - j % values_.turns);
+    double cost = kRungWeight * std::min(way, values_.turns - way);
+    for (std::size_t k = 0; k < joints_; ++k) {
+      const double change = change_of(k, a.q[k], b.q[k]);
+      if (!std::isfinite(change)) return kNone;
+      cost += change * change;
+      if (std::abs(change) > kJump && whole_turns_[k] && !point.rapid) cost += kJumpCost;
+      if (options_.joint_speeds.empty() || !(point.seconds > 0)) continue;
+      const double share = std::abs(change) / (point.seconds * options_.joint_speeds[k]);
+      if (share > 1) return kNone;
+      cost += kSpeedWeight * share * share;
+    }
+    return cost;
+  }
+
+  /// Joints that may turn more than once go on in the turn of the way that leads there.
+  void chosen(std::size_t, int j, int i) {
+    Rung& b = next_[static_cast<std::size_t>(j)];
+    const Rung& a = row_[static_cast<std::size_t>(i)];
+    for (std::size_t k = 0; k < joints_; ++k) b.q[k] = a.q[k] + change_of(k, a.q[k], b.q[k]);
+  }
+
+ private:
+  static constexpr double kSlack = 1e-10;  // rad or m
+
+  /// By how much joint k moves; by whole turns less where its range has them. Not finite: beyond its range.
+  [[nodiscard]] double change_of(std::size_t k, double from, double to) const {
+    double change = to - from;
+    const double span = ranges_[k].max - ranges_[k].min;
+    if (!whole_turns_[k] || span <= kTurn || std::abs(change) <= std::numbers::pi) return change;
+    if (k < static_cast<std::size_t>(behind_)) return change;  // where the axis stands is what is chosen
+    change -= kTurn * std::round(change / kTurn);
+    const double arrives = from + change;
+    return arrives < ranges_[k].min - kSlack || arrives > ranges_[k].max + kSlack ? kNone : change;
+  }
+
+  [[nodiscard]] double cost_of_limits(const Rung& rung) const {
+    double cost = 0;
+    for (std::size_t i = 0; i < joints_; ++i) {
+      const machine::JointRange& r = ranges_[i];
+      const double share = std::min(rung.q[i] - r.min, r.max - rung.q[i]) / (r.max - r.min);
+      const double near = kNearLimit / (std::max(share, 0.0) + kNearLimit);
+      cost += kLimitWeight * near * near;
+    }
+    return cost;
+  }
+
+  /// How near to a singular pose, and how soft across the path: both from the Jacobian.
+  double cost_of_pose(const Rung& rung, const LadderPoint& point) {
+    machine::JointVector q(static_cast<Eigen::Index>(joints_));
+    for (std::size_t i = 0; i < joints_; ++i) q[static_cast<Eigen::Index>(i)] = rung.q[i];
+    const machine::JacobianMatrix J = machine::forward_jacobian(arm_, q).J;
+    Eigen::Matrix<double, 6, 6> S = J.rightCols<6>();
+    S.topRows<3>() /= length_;
+    const double near = kNearSingular / (std::abs(S.determinant()) * kDeterminantScale + kNearSingular);
+    double cost = kSingularWeight * near * near;
+    if (!weighs_compliance_ || point.across.isZero(0)) return cost;
+    double compliance = 0;
+    for (std::size_t i = 0; i < joints_; ++i) {
+      const double lever = point.across.dot(J.col(static_cast<Eigen::Index>(i)).head<3>());
+      compliance += compliance_[i] * lever * lever;
+    }
+    if (reference_ == 0) reference_ = compliance;
+    return reference_ > 0 ? cost + kComplianceWeight * compliance / reference_ : cost;
+  }
+
+  [[nodiscard]] double cost_of_start(const Rung& rung) const {
+    if (!options_.start_joints) return 0;
+    double cost = 0;
+    for (std::size_t i = 0; i < joints_; ++i) {
+      const double off = rung.q[i] - (*options_.start_joints)[static_cast<Eigen::Index>(i)];
+      cost += kStartWeight * off * off;
+    }
+    return cost;
+  }
+
+  // |det S| of an arm in a good pose is some hundredths: links of a third of the sum of lengths each.
+  static constexpr double kDeterminantScale = 20;
+
+  const machine::SerialArm& arm_;
+  const std::optional<machine::CarriedArm> carried_;
+  const machine::SixJointInverse inverse_;
+  const std::vector<LadderPoint>& points_;
+  const PlanOptions& options_;
+  const int branch_;
+  const Values values_;
+  Mat3 R_MW_ = rotation_z(options_.rotation);
+  std::size_t joints_ = 0;
+  int behind_ = 0;  // joints before the six
+  std::array<machine::JointRange, kMostJoints> ranges_{};
+  std::array<bool, kMostJoints> whole_turns_{};
+  std::array<double, kMostJoints> compliance_{};
+  const double length_ = sum_of_links(arm_);
+  double reference_ = 0;
+  bool weighs_compliance_ = false;
+  std::vector<Rung> row_, next_;
+};
+
+bool chooses_c(const PlanOptions& options) {
+  return !options.c;
+}
+bool chooses_place(const PlanOptions& options) {
+  return options.external == External::chosen;
+}
+
+/// The placed steps of a path as points of a ladder.
+std::vector<LadderPoint> points_of(const Path& path, const PlanOptions& options, int turn) {
+  const Mat3 R_MW = rotation_z(options.rotation);
+  std::vector<LadderPoint> out;
+  const Step* before = nullptr;
+  Vec3 angles = Vec3::Zero();
+  for (std::size_t i = 0; i < path.steps.size(); ++i) {
+    const Step& step = path.steps[i];
+    if (!step.placed()) continue;
+    LadderPoint point;
+    point.step = i;
+    point.p = options.origin + R_MW * step.tip;
+    point.axis = step.axis;
+    if (options.c) {
+      const bool sets = path.leaves_c() && *options.c != 0;
+      angles = step.angles && !sets ? *step.angles
+               : before == nullptr
+                   ? both_turns(Rotary::abc, step.axis, *options.c, Vec3::Zero())[static_cast<std::size_t>(turn)]
+                   : nearest_turn(Rotary::abc, step.axis, *options.c, angles);
+      point.angles = angles;
+    } else if (step.turned && !path.leaves_c()) {
+      point.angles = step.angles;  // a program without C leaves C free
+    }
+    if (options.external != External::chosen) point.external = options.external_at;
+    point.rapid = step.kind == StepKind::rapid;
+    if (before != nullptr) {
+      Vec3 along = step.tip - before->tip;
+      point.length = along.norm();
+      if (step.kind == StepKind::arc) {
+        const Vec3 r = step.tip - step.centre;
+        point.length = std::hypot((r - r.dot(step.normal) * step.normal).norm() * step.sweep, along.dot(step.normal));
+        along = step.normal.cross(r);
+      }
+      const Vec3 across = R_MW * step.axis.cross(along);
+      if (across.norm() > kPole) point.across = across.normalized();
+      if (!point.rapid && step.feed > 0) point.seconds = point.length / step.feed;
+    }
+    before = &step;
+    out.push_back(point);
+  }
+  return out;
+}
+
+/// Those of the points that are rungs, each with the way since the one before it.
+std::vector<LadderPoint> rungs_of(const std::vector<LadderPoint>& points, double every) {
+  std::vector<LadderPoint> out;
+  double length = 0, seconds = 0;
+  bool judged = true;
+  for (std::size_t n = 0; n < points.size(); ++n) {
+    const LadderPoint& point = points[n];
+    length += point.length;
+    seconds += point.seconds;
+    judged = judged && point.seconds > 0;
+    const bool end = n == 0 || n + 1 == points.size() || point.rapid || points[n + 1].rapid;
+    const auto turned = [&] {
+      const LadderPoint& last = out.back();
+      if (angle_between(point.axis, last.axis) >= kRungTurn) return true;
+      return point.angles && last.angles && (*point.angles - *last.angles).cwiseAbs().maxCoeff() >= kRungTurn;
+    };
+    if (!end && length < every && !turned()) continue;
+    out.push_back(point);
+    out.back().length = length;
+    out.back().seconds = judged ? seconds : 0;
+    length = seconds = 0;
+    judged = true;
+  }
+  return out;
+}
+
+/// One value a rung for every step: linear between rungs over their way, by its time where that is known.
+std::vector<double> along_steps(const Path& path, const std::vector<LadderPoint>& points,
+                                const std::vector<LadderPoint>& rungs, const std::vector<double>& values) {
+  std::vector<double> out(path.steps.size(), values.front());
+  std::size_t next = 0;
+  double done = 0;
+  for (const LadderPoint& point : points) {
+    const LadderPoint& rung = rungs[next];
+    const bool timed = rung.seconds > 0;
+    const double whole = timed ? rung.seconds : rung.length;
+    done += timed ? point.seconds : point.length;
+    const bool arrived = point.step == rung.step;
+    const double share = arrived ? 1 : whole > 0 ? std::min(done / whole, 1.0) : 0;
+    const double from = values[next == 0 ? 0 : next - 1];
+    const double value = arrived ? values[next] : from + share * (values[next] - from);
+    std::fill(out.begin() + static_cast<std::ptrdiff_t>(point.step), out.end(), value);
+    if (!arrived) continue;
+    ++next;
+    done = 0;
+  }
+  return out;
+}
+
+}  // namespace
+
+Choice choose(const Configuration& configuration, const Path& path, const PlanOptions& options,
+              const ChoiceQuestion& question) {
+  Choice out;
+  const auto& arm = std::get<machine::SerialArm>(configuration.machine);
+  const std::vector<LadderPoint> points = points_of(path, options, question.turn);
+  std::vector<LadderPoint> rungs = rungs_of(points, question.every_point ? 0 : kRungEvery * sum_of_links(arm));
+  if (rungs.empty()) return out;
+  bool stopped = false;
+  double begins = 0, ends = 1;  // of the progress
+  /// The values of the cheapest way; false where there is none.
+  const auto run = [&](const Values& values, std::vector<double>& c, std::vector<double>& places) {
+    States states(arm, rungs, options, question.branch, values);
+    LadderSize size;
+    size.points = rungs.size();
+    size.rungs = values.turns;
+    size.farthest = static_cast<int>(std::lround(kFarthestTurn / kTurn * values.turns));
+    size.columns = values.places;
+    constexpr std::size_t kReport = 64;
+    const LadderWay way = cheapest_way(
+        size,
+        [&](std::size_t n, int j) {
+          if (j == 0 && n % kReport == 0) {
+            const double share = double(n) / double(rungs.size());
+            stopped = stopped || !options.progress(begins + (ends - begins) * share);
+          }
+          return stopped ? kNone : states.state(n, j);
+        },
+        [&](std::size_t n, int i, int j) { return states.step(n, i, j); },
+        [&](std::size_t n, int j, int i) { states.chosen(n, j, i); });
+    if (way.rungs.empty()) {
+      out.blocked = rungs[way.blocked].step;
+      return false;
+    }
+    for (std::size_t n = 0; n < rungs.size(); ++n) {
+      if (values.turns > 1) c[n] = states.turn(way.rungs[n]);
+      if (values.places > 1) places[n] = states.place(way.columns[n]);
+    }
+    return true;
+  };
+  std::vector<double> c(rungs.size()), places(rungs.size());
+  const bool turns = chooses_c(options), moves = chooses_place(options);
+  if (turns && moves) {
+    constexpr double kCoarse = 0.9, kFine = 0.95;
+    ends = kCoarse;
+    if (!run({kCoarseTurns, kCoarsePlaces}, c, places)) return out;
+    std::vector<LadderPoint> open = rungs;
+    for (std::size_t n = 0; n < rungs.size(); ++n) {
+      if (!rungs[n].angles) rungs[n].angles = both_turns(Rotary::abc, rungs[n].axis, c[n], Vec3::Zero())[0];
+    }
+    begins = ends;
+    ends = kFine;
+    if (!run({1, kPlaces}, c, places)) return out;
+    for (std::size_t n = 0; n < rungs.size(); ++n) open[n].external = places[n];
+    rungs = std::move(open);
+    begins = ends;
+    ends = 1;
+    if (!run({kTurns, 1}, c, places)) return out;
+  } else if (!run({turns ? kTurns : 1, moves ? kPlaces : 1}, c, places)) {
+    return out;
+  }
+  out.found = true;
+  if (turns) out.c = along_steps(path, points, rungs, c);
+  if (moves) out.external = along_steps(path, points, rungs, places);
+  return out;
+}
+
+double first_look(const Configuration& configuration, const Path& path, const PlanOptions& options,
+                  const ChoiceQuestion& question) {
+  const auto& arm = std::get<machine::SerialArm>(configuration.machine);
+  const std::vector<LadderPoint> all = points_of(path, options, question.turn);
+  constexpr std::size_t kLooked = 64;
+  std::vector<LadderPoint> points;
+  for (std::size_t i = 0; i < std::min(kLooked, all.size()); ++i) {
+    points.push_back(all[i * all.size() / std::min(kLooked, all.size())]);
+  }
+  const Values values{chooses_c(options) ? kLookedTurns : 1, chooses_place(options) ? kLookedPlaces : 1};
+  States states(arm, points, options, question.branch, values);
+  double sum = 0;
+  for (std::size_t n = 0; n < points.size(); ++n) {
+    double least = kNone;
+    for (int j = 0; j < values.turns * values.places; ++j) least = std::min(least, states.state(n, j));
+    sum += least;
+  }
+  return sum;
+}
+
+}  // namespace polypod::post
