@@ -14,6 +14,8 @@
 #include "commands.hpp"
 #include "machine_file.hpp"
 #include "messages.hpp"
+#include "polypod/bodies/bodies.hpp"
+#include "polypod/bodies/from_urdf.hpp"
 #include "polypod/core/figures.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
@@ -25,6 +27,7 @@
 #include "polypod/kinematics/joint_speed.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/kinematics/twist.hpp"
+#include "polypod/machine/urdf.hpp"
 #include "polypod/motion/masses.hpp"
 #include "polypod/quality/singularity.hpp"
 
@@ -36,7 +39,7 @@ struct MachineOptions {
   std::vector<std::string> sets;
   std::string pose;
   std::string joints;
-  std::string output;
+  std::string output, bodies;
   double length_mm = 0;
   bool all = false;
   bool free_twist = false;
@@ -213,6 +216,21 @@ void print_compliances(const Json& compliances) {
                c["unit"].get<std::string>());
 }
 
+/// The bodies of the URDF file that a machine comes from, written and read again.
+Result<bodies::BodiesFile> bodies_of(const std::string& name, const machine::AnyMachine& m, const std::string& output) {
+  const std::string file = machine::file_of_machine(name);
+  POLYPOD_ASSIGN(text, files::read(file));
+  if (!machine::is_urdf(text, name)) {
+    return fail("AP201", fmt::format("--bodies: {} is no URDF file", one_line(file)), {},
+                "write the bodies of other machines by hand: docs/bodies.md");
+  }
+  POLYPOD_ASSIGN(out, bodies::file_from_urdf(text, name, output));
+  POLYPOD_TRY(files::write_whole(output, out.text));
+  if (const auto again = bodies::read(output, m); !again)
+    out.notes.push_back("`check --bodies` does not take the file as it is: " + again.error().message);
+  return out;
+}
+
 }  // namespace
 
 Command info_command() {
@@ -221,10 +239,18 @@ Command info_command() {
           [o](Arguments& a) {
             declare_machine(a, o->machine, o->sets);
             a.option("-o,--output", o->output, "The machine, with what --set changes, as a machine file");
+            a.option("--bodies", o->bodies,
+                     "Of a URDF file: the bodies of its links as a file for `check --bodies` (those for collisions, "
+                     "else the visual ones)");
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
-            POLYPOD_TRY(check_files({o->machine}, {o->output}, context.json));
+            POLYPOD_TRY(check_files({o->machine}, {o->output, o->bodies}, context.json));
+            bodies::BodiesFile bodies;
+            if (!o->bodies.empty()) {
+              POLYPOD_ASSIGN(file, bodies_of(o->machine, m, o->bodies));
+              bodies = std::move(file);
+            }
             if (!o->output.empty()) {
               const std::string text = machine_file(m, o->machine);
               POLYPOD_TRY(machine::from_text(text, o->output));  // what could not be read again is not written
@@ -253,6 +279,7 @@ Command info_command() {
             }
             const std::string home = home_beyond_limits(m);
             if (!home.empty()) document["home_beyond_limits"] = home;
+            if (!o->bodies.empty()) document["bodies"] = {{"count", bodies.count}, {"notes", bodies.notes}};
             const SingularNote singular(m, context);
             if (context.json) {
               document["singular_everywhere"] = singular.everywhere();
@@ -290,7 +317,10 @@ Command info_command() {
             const auto sources = machine::provenance_of(m);
             if (!sources.empty()) fmt::print("\nsources\n");
             for (const auto& [key, text] : sources) fmt::print("  {}: {}\n", one_line(key), one_line(text));
+            if (!bodies.notes.empty()) fmt::print("\nbodies\n");
+            for (const std::string& note : bodies.notes) fmt::print("  note: {}\n", note);
             if (!o->output.empty()) fmt::print("\nwrote {}\n", o->output);
+            if (!o->bodies.empty()) fmt::print("\nwrote {} ({} bodies)\n", o->bodies, bodies.count);
             return kDone;
           }};
 }

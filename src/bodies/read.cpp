@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <set>
 
+#include "../machine/machine_file.hpp"
 #include "polypod/bodies/bodies.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
@@ -109,7 +110,8 @@ Result<Body> body_from(const config::Table& table, const std::string& path, cons
     body.is_cut = part;
   }
   POLYPOD_ASSIGN(shape, shape_from(table, path));
-  body.shape = std::move(shape);
+  POLYPOD_ASSIGN(origin, machine::read_frame(table, "origin"));
+  body.shape = placed(std::move(shape), origin);
   POLYPOD_TRY(table.finish());
   return body;
 }

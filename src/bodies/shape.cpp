@@ -194,6 +194,20 @@ Shape box(const Vec3& min, const Vec3& max) {
   return s;
 }
 
+Shape placed(Shape shape, const Pose& X) {
+  for (Vec3& p : shape.points) p = X * p;
+  if (shape.mesh) {
+    auto moved = std::make_shared<Mesh>(*shape.mesh);
+    for (Vec3& p : moved->points) p = X * p;
+    for (Mesh::Node& node : moved->nodes) {
+      node.centre = X * node.centre;
+      node.radius *= 1 + 1e-12;  // rounding of the motion
+    }
+    shape.mesh = std::move(moved);
+  }
+  return shape;
+}
+
 Bracket distance(const Shape& a, const Pose& X_A, const Shape& b, const Pose& X_B, double enough) {
   if (a.mesh && !b.mesh) return distance(b, X_B, a, X_A, enough);
   if (a.mesh) {

@@ -52,6 +52,8 @@ struct Shape {
 Shape capsule(const Vec3& from, const Vec3& to, double radius);
 Shape cylinder(const Vec3& from, const Vec3& to, double radius);
 Shape box(const Vec3& min, const Vec3& max);
+/// A shape in the frame in which its own stands at X. Cost: linear in its points.
+Shape placed(Shape shape, const Pose& X);
 
 /// low <= distance <= high, m. `low` follows from a plane between the shapes, so it holds whether or not the iteration
 /// came to its end; 0 where none was found.

@@ -37,7 +37,7 @@ inline constexpr const char* kNotKnown = "not known";
 /// (one turn each way), prismatic or fixed; a joint counts about (along) its axis. The table follows from the axes
 /// (arm_of_axes). The task is usual_task(). An angle of `rpy` with four decimals at least that is a multiple of 15 deg
 /// but for its last digit is that multiple: 1.5708 is 90 deg. What is changed so, the names of the joints, speeds, and
-/// what is not read (meshes, inertia) stand in `provenance`.
+/// what is not read (inertia, bodies) stand in `provenance`.
 ///
 /// urdfdom judges each joint of the chain; tree, chain and text are checked before. Errors: MA180 to MA191,
 /// docs/errors.md.
