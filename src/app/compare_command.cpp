@@ -33,17 +33,19 @@ Json answer_json(const machining::Job& job, const std::vector<machining::MethodO
                  const std::string& open) {
   Json methods = Json::array();
   for (const machining::MethodOutcome& m : outcomes) {
-    methods.push_back({{"name", machining::name_of(m.method)},
-                       {"after_um", spread_json(m.normal, units::kUmPerMetre)},
-                       {"lines_out", m.lines},
-                       {"seconds", m.seconds},
-                       {"distance_um", to_um(m.distance)},
-                       {"within_tolerance", m.inside},
-                       {"worse_than_none", m.worse},
-                       {"all_judged", m.judged},
-                       {"rounds", m.rounds},
-                       {"what", machining::description_of(m.method)},
-                       {"notes", m.notes}});
+    methods.push_back(
+        {{"name", machining::name_of(m.method)},
+         {"after_um", spread_json(m.normal, units::kUmPerMetre)},
+         {"lines_out", m.lines},
+         {"seconds", m.seconds},
+         {"distance_um", to_um(m.distance)},
+         {"distance_with_robot_errors_um", m.with_robot_errors ? Json(to_um(*m.with_robot_errors)) : Json()},
+         {"within_tolerance", m.inside},
+         {"worse_than_none", m.worse},
+         {"all_judged", m.judged},
+         {"rounds", m.rounds},
+         {"what", machining::description_of(m.method, job)},
+         {"notes", m.notes}});
   }
   Json notes = Json::array();
   if (!open.empty()) notes.push_back(open);
@@ -52,20 +54,24 @@ Json answer_json(const machining::Job& job, const std::vector<machining::MethodO
 
 void print_answer(const machining::Job& job, const std::vector<machining::MethodOutcome>& outcomes,
                   const std::string& open) {
-  fmt::print("          normal error um            distance um   lines   seconds\n");
+  const bool errors = job.robot_errors.any();
+  fmt::print("          normal error um            distance um {}  lines   seconds\n", errors ? "  with errors " : "");
   fmt::print("             min     mean      max\n");
   for (const machining::MethodOutcome& m : outcomes) {
     const auto um = [](double x) { return unsigned_zero(fmt::format("{:.1f}", to_um(x))); };
-    fmt::print("{:<8} {:>7}  {:>7}  {:>7}  {:>12}  {:>7}  {:>8.2f}  {}{}\n", machining::name_of(m.method),
-               um(m.normal.min), um(m.normal.mean), um(m.normal.max), um(m.distance), m.lines, m.seconds,
+    const std::string with = m.with_robot_errors ? fmt::format("  {:>12}", um(*m.with_robot_errors)) : std::string();
+    fmt::print("{:<8} {:>7}  {:>7}  {:>7}  {:>12}{}  {:>7}  {:>8.2f}  {}{}\n", machining::name_of(m.method),
+               um(m.normal.min), um(m.normal.mean), um(m.normal.max), um(m.distance), with, m.lines, m.seconds,
                m.inside ? m.judged ? "within the tolerance" : "within the tolerance, apart from what was not judged"
-               : m.distance > job.tolerance - machining::resolution(job) ? "beyond the tolerance"
-                                                                         : "not all of it is judged",
+               : std::max(m.distance, m.with_robot_errors.value_or(0)) > job.tolerance - machining::resolution(job)
+                   ? "beyond the tolerance"
+                   : "not all of it is judged",
                m.worse ? ", worse than no correction" : "");
   }
-  fmt::print("\ntolerance {:g} um; distances without the corners that the controller rounds\n", to_um(job.tolerance));
+  fmt::print("\ntolerance {:g} um; distances without the corners that the controller rounds{}\n", to_um(job.tolerance),
+             errors ? "; \"with errors\": with what backlash, friction and signature file of the job do besides" : "");
   for (const machining::MethodOutcome& m : outcomes) {
-    fmt::print("{:<8} {}\n", machining::name_of(m.method), machining::description_of(m.method));
+    fmt::print("{:<8} {}\n", machining::name_of(m.method), machining::description_of(m.method, job));
     for (const std::string& note : m.notes) fmt::print("         note: {}\n", note);
   }
   if (!open.empty()) fmt::print("note: {}\n", open);

@@ -9,10 +9,12 @@
 #include <optional>
 
 #include "modes.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/tilted.hpp"
+#include "robot_errors.hpp"
 #include "way.hpp"
 
 namespace polypod::machining {
@@ -36,8 +38,9 @@ class DensePath {
   DensePath(const Job& job, const gcode::Program& program, const gcode::Interpretation& interpretation)
       : job_(job), program_(program), interpretation_(interpretation), moves_(interpretation.moves) {}
 
-  /// One pass along the programmed path; every point of a cutting move is moved by its deflection.
-  Status find(Bend bend, double step, const std::function<bool(double)>& progress) {
+  /// One pass along the programmed path; every point of a cutting move is moved by its deflection, and by what
+  /// `errors` say besides.
+  Status find(RobotErrorsOnWay* errors, Bend bend, double step, const std::function<bool(double)>& progress) {
     targets_.assign(moves_.size(), {});
     std::vector<bool> cuts(moves_.size(), false);
     cutting::Stock stock = job_.stock;
@@ -48,9 +51,10 @@ class DensePath {
     const auto visit = [&](const Sample& sample) {
       const auto i = static_cast<std::size_t>(sample.move);
       cuts[i] = cuts[i] || sample.cutting;
+      const Vec3 besides = errors != nullptr ? errors->at(sample) : Vec3(Vec3::Zero());
       if (sample.s <= 0) return;  // the point from which the move starts belongs to the one before
       const Vec3 p = moves_[i].point(sample.s);
-      const Vec3 off = to_correct(moves_[i], sample.deflection, job_.tool_frame.axis());
+      const Vec3 off = to_correct(moves_[i], sample.deflection, job_.tool_frame.axis()) + besides;
       targets_[i].push_back({p, p - off, axes_at(moves_[i], sample.s)});
     };
     POLYPOD_ASSIGN(pass, run_pass(job_, program_, PassMoves(moves_), stock, options, visit));
@@ -193,8 +197,11 @@ class Comparison {
         const auto normal = [](const MethodOutcome& m) {
           return std::max(std::abs(m.normal.min), std::abs(m.normal.max));
         };
-        outcome.worse = outcome.distance > out.front().distance + kSameDistance ||
-                        normal(outcome) > normal(out.front()) + kSameDistance;
+        const MethodOutcome& none = out.front();
+        outcome.worse =
+            outcome.distance > none.distance + kSameDistance || normal(outcome) > normal(none) + kSameDistance;
+        if (outcome.with_robot_errors)
+          outcome.worse = outcome.worse || *outcome.with_robot_errors > *none.with_robot_errors + kSameDistance;
       }
       out.push_back(std::move(outcome));
     }
@@ -231,6 +238,32 @@ class Comparison {
     if (p.moves.empty()) return tl::unexpected(cuts_nothing(job_, program_, interpretation_));
     p.slow = corners_of(job_, named, way, p, job_.tolerance - resolution(job_)).slow;
     take(p, out);
+    return judge_with_errors(named, way, out);
+  }
+
+  /// The largest distance of a deflected point of a cut with what the robot's own errors do to it.
+  Status judge_with_errors(const gcode::Program& named, const Way& way, MethodOutcome& out) {
+    if (!job_.robot_errors.any()) return {};
+    RobotErrorsOnWay errors(job_);
+    cutting::Stock stock = job_.stock;
+    PassOptions options;
+    options.bend = Bend::equilibrium;
+    options.step = job_.step;
+    options.progress = progress("judging with the robot's errors");
+    double largest = 0;
+    const auto visit = [&](const Sample& sample) {
+      const Vec3 besides = errors.at(sample);
+      const auto c = static_cast<std::size_t>(sample.move);
+      if (!sample.cutting || (!way.moves.empty() && way.moves[c].transition)) return;
+      const gcode::Move& meant = (*way.programmed)[way.source_of(c)];
+      const Vec3 at = sample.bent() + besides;
+      const Vec3 off = to_correct(meant, at - meant.point(meant.nearest(at)), job_.tool_frame.axis());
+      largest = std::max(largest, off.norm());
+    };
+    POLYPOD_ASSIGN(pass, run_pass(job_, named, way.commanded(), stock, options, visit));
+    (void)pass;
+    out.with_robot_errors = largest;
+    out.inside = out.inside && largest <= job_.tolerance - resolution(job_);
     return {};
   }
 
@@ -272,6 +305,8 @@ class Comparison {
     out.lines = c.lines_out;
     out.rounds = method == Method::mirror ? 1 : c.rounds;
     out.text = c.text();
+    const Way way{&c.program, &c.programmed, std::move(c.commanded), std::move(c.source)};
+    POLYPOD_TRY(judge_with_errors(c.program, way, out));
     if (method == Method::tube) {
       out.notes.emplace_back("its time holds its own checks of what it writes");
     }
@@ -285,7 +320,9 @@ class Comparison {
     DensePath path(job_, program_, interpretation_);
     const auto begin = Clock::now();
     const Bend bend = method == Method::comet ? Bend::at_rest : Bend::equilibrium;
-    POLYPOD_TRY(path.find(bend, step, progress("finding points")));
+    RobotErrorsOnWay errors(job_);
+    const bool besides = method == Method::comet && job_.robot_errors.any();
+    POLYPOD_TRY(path.find(besides ? &errors : nullptr, bend, step, progress("finding points")));
     out.rounds = 1;
     if (method == Method::abele) {
       double change = 0, before = 0;
@@ -334,7 +371,7 @@ const char* name_of(Method method) {
   return "abele";
 }
 
-const char* description_of(Method method) {
+std::string description_of(Method method, const Job& job) {
   switch (method) {
     case Method::none:
       return "no correction";
@@ -343,9 +380,20 @@ const char* description_of(Method method) {
     case Method::mirror:
       return "Derince: N points a move, each mirrored at the programmed path; every point is moved, also those within "
              "the tolerance";
-    case Method::comet:
-      return "COMET's sequence: engagement, force and deflection at every point, each point moved by it once; only its "
-             "step for compliance, without backlash, friction and signature file, for which no data are given";
+    case Method::comet: {
+      const RobotErrors& errors = job.robot_errors;
+      std::vector<std::string> given, missing;
+      const auto sort = [&](bool there, const char* what) { (there ? given : missing).emplace_back(what); };
+      sort(!errors.backlash.empty(), "backlash");
+      sort(!errors.friction.empty(), "friction");
+      sort(errors.signature != nullptr, "signature file");
+      std::string out =
+          "COMET's sequence: engagement, force and deflection at every point, each point moved by it once";
+      if (given.empty()) out += "; only its step for compliance";
+      if (!given.empty()) out += fmt::format(", and by what {} {}", listed(given), given.size() == 1 ? "does" : "do");
+      if (!missing.empty()) out += fmt::format("; without {}, for which no data are given", listed(missing));
+      return out;
+    }
     case Method::abele:
       break;
   }

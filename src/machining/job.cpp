@@ -169,6 +169,40 @@ Result<std::vector<double>> by_joint(const config::Table& table, const std::stri
   return out;
 }
 
+/// [robot_errors]: for `compare`.
+Status read_robot_errors(const config::Table& table, Job& job) {
+  POLYPOD_ASSIGN(errors, table.optional_table("robot_errors"));
+  if (!errors) return {};
+  for (const char* key : {"backlash", "friction_Nm"}) {
+    if (!errors->has(key)) continue;
+    POLYPOD_ASSIGN(values, errors->numbers(key, static_cast<std::size_t>(kinematics::joint_count(job.machine))));
+    for (const double value : values) {
+      if (value >= 0) continue;
+      return fail("MC401", fmt::format("{}: {:g} is below 0", key, value), errors->place_of(key),
+                  "give one number a joint that moves, 0 where there is none");
+    }
+  }
+  POLYPOD_ASSIGN(backlash, by_joint(*errors, "backlash", job.machine, false));
+  job.robot_errors.backlash = std::move(backlash);
+  if (errors->has("friction_Nm")) {
+    POLYPOD_ASSIGN(friction, errors->numbers("friction_Nm"));
+    job.robot_errors.friction = std::move(friction);
+  }
+  POLYPOD_ASSIGN(name, errors->optional_text("signature", ""));
+  POLYPOD_TRY(errors->finish());
+  if (name.empty()) return {};
+  POLYPOD_ASSIGN(signature, machine::load(config::beside(job.path, name)));
+  if (kinematics::joint_count(signature) != kinematics::joint_count(job.machine)) {
+    return fail("MC415",
+                fmt::format("{} has {} joints that move, and the machine of the job {}", name,
+                            kinematics::joint_count(signature), kinematics::joint_count(job.machine)),
+                errors->place_of("signature"), "give what `polypod calibrate -o` writes of the machine of the job");
+  }
+  job.robot_errors.signature_name = name;
+  job.robot_errors.signature = std::make_shared<const machine::AnyMachine>(std::move(signature));
+  return {};
+}
+
 }  // namespace
 
 Result<std::shared_ptr<const MeasuredCompliance>> read_measured(const std::vector<std::string>& files,
@@ -294,6 +328,7 @@ Result<Job> read_job(const std::string& path) {
   }
   POLYPOD_TRY(read_measured_key(table, job));
   POLYPOD_TRY(read_factors(table, job));
+  POLYPOD_TRY(read_robot_errors(table, job));
   POLYPOD_TRY(table.finish());
   return job;
 }

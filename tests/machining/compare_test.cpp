@@ -51,6 +51,46 @@ double largest_distance(const Example& e, const std::string& text) {
   return worst;
 }
 
+/// What the robot is off besides its compliance: a base that is 0.2 mm elsewhere is a shift of the whole part, and a
+/// play of joint 1 moves the tip by half of it, to either side. COMET's sequence takes both back; no other method knows
+/// them.
+TEST(Compare, CometTakesBackWhatTheRobotIsOffBesides) {
+  Example e = load_example("slavkovic_square");
+  const std::vector<MethodOutcome> plain = compared(e);
+  for (const MethodOutcome& m : plain) EXPECT_FALSE(m.with_robot_errors);
+  auto moved = std::get<machine::SerialArm>(e.job.machine);
+  moved.X_MB.p += Vec3(0, 0, 0.2e-3);  // along the tool: nothing that cuts differs
+  e.job.robot_errors.signature = std::make_shared<const machine::AnyMachine>(moved);
+  const std::vector<MethodOutcome> shifted = compared(e);
+  for (const Method method : {Method::none, Method::tube, Method::mirror, Method::abele}) {
+    const MethodOutcome& m = of(shifted, method);
+    EXPECT_NEAR(m.distance, of(plain, method).distance, 1e-9);
+    EXPECT_GT(*m.with_robot_errors, 0.19e-3) << name_of(method);
+    EXPECT_LT(*m.with_robot_errors, std::hypot(m.distance, 0.2e-3) + 60e-6) << name_of(method);
+    EXPECT_FALSE(m.inside);
+  }
+  EXPECT_LT(*of(shifted, Method::comet).with_robot_errors, of(plain, Method::comet).distance + 5e-6);
+  EXPECT_TRUE(of(shifted, Method::tube).distance < e.job.tolerance);
+
+  e.job.robot_errors = {};
+  e.job.robot_errors.backlash.assign(5, 0);
+  e.job.robot_errors.backlash[0] = 0.4e-3 / 1.4;  // about 0.2 mm to either side at 1.4 m
+  const std::vector<MethodOutcome> played = compared(e);
+  EXPECT_GT(*of(played, Method::none).with_robot_errors, of(plain, Method::none).distance + 0.1e-3);
+  EXPECT_GT(*of(played, Method::tube).with_robot_errors, 0.15e-3);
+  EXPECT_LT(*of(played, Method::comet).with_robot_errors, 0.3 * *of(played, Method::none).with_robot_errors);
+
+  // Friction does what a play of twice the wind-up does.
+  const std::vector<MethodOutcome> by_play = [&] {
+    e.job.robot_errors.backlash[0] = 2 * 100 * moved.dh[0].compliance;
+    return compared(e);
+  }();
+  e.job.robot_errors = {};
+  e.job.robot_errors.friction.assign(5, 0);
+  e.job.robot_errors.friction[0] = 100;
+  EXPECT_NEAR(*of(compared(e), Method::none).with_robot_errors, *of(by_play, Method::none).with_robot_errors, 1e-9);
+}
+
 TEST(Compare, SquareOfSlavkovic) {
   const Example e = load_example("slavkovic_square");
   const std::vector<MethodOutcome> all = compared(e);

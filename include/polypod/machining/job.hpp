@@ -54,6 +54,17 @@ struct Factors {
   double force_uncertainty = 0;  ///< standard uncertainty of `force`; widens the spread of the cutting coefficients
 };
 
+/// What is known of the robot itself besides its compliance (table [robot_errors]); one number a joint that moves, or
+/// none.
+struct RobotErrors {
+  std::vector<double> backlash;  ///< the whole play of each joint, rad or m
+  std::vector<double> friction;  ///< Coulomb friction of each joint, Nm or N
+  std::string signature_name;    ///< the machine as it was calibrated, its signature file; empty: none
+  std::shared_ptr<const machine::AnyMachine> signature;
+
+  [[nodiscard]] bool any() const { return !backlash.empty() || !friction.empty() || signature != nullptr; }
+};
+
 struct Job {
   std::string path;
   std::string machine_name;
@@ -85,7 +96,8 @@ struct Job {
   /// The posture in which the program begins (kinematics::branch_name): `branch`, else that of `start_joints`; empty:
   /// the first within the limits.
   std::string posture;
-  bool own_posture = false;    ///< the job says it itself
+  bool own_posture = false;  ///< the job says it itself
+  RobotErrors robot_errors;
   double rapid_volume = 1e-9;  ///< m^3, of material; a rapid that goes through more is a collision
 
   [[nodiscard]] const cutting::Cutter& cutter_of(int tool) const {

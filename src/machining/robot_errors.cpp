@@ -1,0 +1,65 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "robot_errors.hpp"
+
+#include <cmath>
+#include <variant>
+
+#include "../families/all_masses.hpp"
+#include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/forward_near.hpp"
+#include "polypod/machining/tilted.hpp"
+
+namespace polypod::machining {
+namespace {
+
+/// The compliance of what each joint's drive moves, rad/Nm or m/N; 0 where none is known.
+std::vector<double> drive_compliances(const machine::AnyMachine& machine) {
+  const auto joints = static_cast<std::size_t>(kinematics::joint_count(machine));
+  const std::vector<machine::Element> elements = kinematics::elements(machine);
+  std::vector<double> out(joints, 0);
+  for (std::size_t e = 0; e < elements.size(); ++e) {
+    const int element = static_cast<int>(e);
+    int joint = std::visit([element](const auto& m) { return motion::joint_moved_by(m, element); }, machine);
+    if (joint == machine::kNoJoint && elements.size() == joints) joint = element;  // legs, one a drive
+    if (joint >= 0) out[static_cast<std::size_t>(joint)] += elements[e].compliance;
+  }
+  return out;
+}
+
+}  // namespace
+
+RobotErrorsOnWay::RobotErrorsOnWay(const Job& job) : job_(job) {
+  const auto joints = static_cast<std::size_t>(kinematics::joint_count(job.machine));
+  lag_.assign(joints, 0);
+  sense_.assign(joints, 0);
+  const RobotErrors& errors = job.robot_errors;
+  const std::vector<double> compliance = drive_compliances(job.machine);
+  for (std::size_t i = 0; i < joints; ++i) {
+    if (!errors.backlash.empty()) lag_[i] += 0.5 * errors.backlash[i];
+    if (!errors.friction.empty()) lag_[i] += compliance[i] * errors.friction[i];
+  }
+}
+
+Vec3 RobotErrorsOnWay::at(const Sample& sample) {
+  const Pose X_MT{cutting_orientation(job_, sample.axes), job_.X_MW * sample.command};
+  const std::optional<machine::JointVector> q = joints_at(job_, X_MT, sample);
+  if (!q) return Vec3::Zero();
+  constexpr double kStill = 1e-12;  // rad or m: rounding of the inverse
+  machine::JointVector dq = machine::JointVector::Zero(q->size());
+  for (Eigen::Index i = 0; i < q->size(); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const double moved = last_ ? (*q)[i] - (*last_)[i] : 0;
+    if (std::abs(moved) > kStill) sense_[at] = moved > 0 ? 1 : -1;
+    dq[i] = -sense_[at] * lag_[at];
+  }
+  last_ = q;
+  const Pose X = kinematics::settled(job_.machine, X_MT, *q);
+  Vec3 off = kinematics::jacobian(job_.machine, X, *q).topRows<3>() * dq;
+  if (job_.robot_errors.signature) {
+    const auto real = kinematics::forward_near(*job_.robot_errors.signature, *q, X);
+    if (!real.poses.empty()) off += real.poses.front().p - X.p;
+  }
+  return job_.X_MW.R.transpose() * off;
+}
+
+}  // namespace polypod::machining
