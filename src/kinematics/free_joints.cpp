@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
 #include <variant>
 
 #include "polypod/families/serial/cartesian.hpp"
@@ -42,6 +44,16 @@ std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_M
     if (ways.row(i).norm() > kPart) out.push_back(static_cast<int>(i));
   }
   return out;
+}
+
+bool free_joints_have_limits(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q,
+                             const std::vector<double>& limits) {
+  const auto known = [](double limit) { return std::isfinite(limit); };
+  if (std::none_of(limits.begin(), limits.end(), known)) return false;
+  if (std::all_of(limits.begin(), limits.end(), known)) return true;
+  const std::vector<int> joints = free_joints(machine, X_MT, q);
+  return std::all_of(joints.begin(), joints.end(),
+                     [&](int joint) { return known(limits[static_cast<std::size_t>(joint)]); });
 }
 
 int freedoms_left(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q) {

@@ -180,10 +180,12 @@ TEST(Check, PosesNearAStraightWristAreNamedWhereNobodyJudgesSpeeds) {
   const machine::JointVector q =
       (machine::JointVector(6) << 0, units::from_deg(-60), units::from_deg(60), 0, 0, 0).finished();
   const Pose X_MW{Mat3::Identity(), kinematics::forward(m, q).poses.front().p};
-  const auto checked = [&](const char* text, double limit) {
+  const auto checked = [&](const char* text, double limit, int unknown_of = -1) {
     const auto e = testing::with_program("slavkovic_square", std::string("G21 G90 G94\n") + text + "M2\n");
     machining::CheckOptions options;
     if (limit > 0) options.limits.joint_speeds.assign(6, limit);
+    if (unknown_of >= 0)
+      options.limits.joint_speeds[static_cast<std::size_t>(unknown_of)] = std::numeric_limits<double>::infinity();
     return testing::unwrap(machining::check(m, X_MW, e.program, e.interpretation, options));
   };
   const auto kinds = [](const std::vector<machining::CheckProblem>& of) {
@@ -205,6 +207,9 @@ TEST(Check, PosesNearAStraightWristAreNamedWhereNobodyJudgesSpeeds) {
   EXPECT_EQ(follows.passed[0].line, 3);
   EXPECT_THAT(follows.notes, ::testing::Contains(::testing::HasSubstr("joints 4 and 6 can move together")));
   EXPECT_THAT(kinds(checked(through, 0).problems), ::testing::ElementsAre("singular", "singular"));
+  EXPECT_THAT(kinds(checked(through, 100, 3).problems), ::testing::ElementsAre("singular", "singular"))
+      << "nobody knows how fast joint 4 goes, which may have to swing there";
+  EXPECT_TRUE(checked(through, 100, 0).ok) << "joint 1 has no part in it";
 }
 
 /// The accelerations of joints on a circle against dense differences of the joints in time, and against J^-1 of the

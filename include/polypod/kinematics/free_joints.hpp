@@ -17,6 +17,11 @@ namespace polypod::kinematics {
 /// below 1e-9 of the largest as 0. Empty of machines with more legs than freedoms, whose joints agree at the machine's
 /// poses alone, and where the drives do not constrain the tool (type 2), where J says nothing. Cost: some 30 us.
 std::vector<int> free_joints(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q);
+/// Whether every one of these joints has a speed limit, so that speeds say whether a singular pose can be passed.
+/// `limits`: rad/s or m/s, one a joint, infinite where there is none; empty: none is known. Cost: nothing where all or
+/// none are known, else that of free_joints.
+bool free_joints_have_limits(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q,
+                             const std::vector<double>& limits);
 /// In how many independent ways they can: the dimension of that kernel.
 int freedoms_left(const machine::AnyMachine& machine, const Pose& X_MT, const machine::JointVector& q);
 
