@@ -152,11 +152,11 @@ Status Engine::execute(const Block& block) {
 
 std::optional<std::pair<std::string, std::string>> Engine::o_word(std::string_view text) const {
   if (auto written = o_word_of(text)) return written;
-  // A label that is computed: O[#1+100] sub.
+  // A label that is computed: O[#1+100] sub, O#1 while.
   const std::size_t o = text.find_first_not_of(" \t/nN0123456789.");
   if (o == std::string_view::npos || (text[o] != 'o' && text[o] != 'O')) return std::nullopt;
   const std::size_t next = text.find_first_not_of(" \t", o + 1);
-  if (next == std::string_view::npos || text[next] != '[') return std::nullopt;
+  if (next == std::string_view::npos || (text[next] != '[' && text[next] != '#')) return std::nullopt;
   const Result<Line> line = read_line(text, *this, {});
   if (!line || line->keyword.empty()) return std::nullopt;
   return std::pair{line->label, line->keyword};
@@ -444,9 +444,7 @@ Status Engine::control(const Line& line, const Block& block) {
   if (word == "endsub" || word == "return") {
     if (frames_.size() == 1) return bad(fmt::format("'{}' outside of a subprogram", word), "remove it");
     if (f.by_number) return bad(fmt::format("'{}' in a subprogram that M98 called", word), "end it with M99");
-    if (word == "endsub" && label != f.name) {
-      return bad(fmt::format("'endsub' of {} in {}", shown(label), shown(f.name)), "use the label of the subprogram");
-    }
+    // Whatever its label: LinuxCNC does not compare it, and one that is computed has other parameters in a call.
     POLYPOD_TRY(leave());
     returned_ = !line.arguments.empty();
     returned_value_ = returned_ ? line.arguments.front() : 0;

@@ -251,7 +251,6 @@ class Engine final : private Parameters {
   void read_number(std::string_view text);
   Status block(const Block& block);
   Status check();
-  Status check_sum(const Word& word) const;
   Status comment();
   void feed_and_speed();
   void switch_kinematics();

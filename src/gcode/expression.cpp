@@ -188,7 +188,8 @@ class LineReader {
     const char c = peek();
     const std::size_t from = at_;
     if (c == '$') return spindle();
-    if (!is_letter(c) && c != '*' && c != '@' && c != '^') {
+    if (c == '*') return error("GC107", kStar, kStarHint);
+    if (!is_letter(c) && c != '@' && c != '^') {
       return error("GC100", fmt::format("'{}' does not belong into a block", c), "remove it, or put it into a comment");
     }
     if (lower(c) == 'n' && !line_.words.empty()) {

@@ -103,8 +103,7 @@ constexpr Refusal kPolar{"GC125", "polar coordinates are not supported", "post t
 Group group_of(int g) {
   switch (g) {
     case 40:
-    case 90:
-      return Group::once;  // G4, G9
+      return Group::once;  // G4
     case 0:
     case 10:
     case 20:
@@ -149,10 +148,6 @@ Group group_of(int g) {
     case 980:
     case 990:
       return Group::retract;
-    case 150:
-    case 500:
-    case 501:
-    case 690:
     case 921:
     case 922:
       return Group::cancel;
@@ -382,9 +377,6 @@ class Interpreter {
           m_[static_cast<std::size_t>(m_count_++)] = {m, &word};
           break;
         }
-        case '*':
-          POLYPOD_TRY(check_checksum(word));
-          break;
         case '@':
         case '^':
           return refuse(word, kPolar);
@@ -430,14 +422,6 @@ class Interpreter {
 
   tl::unexpected<Error> refuse(const Word& word, const Refusal& refusal) const {
     return error(word, refusal.id, fmt::format("{}: {}", text_of(word), refusal.why), refusal.hint);
-  }
-
-  /// The exclusive or of all bytes before `*`.
-  Status check_checksum(const Word& word) const {
-    const unsigned sum = checksum_of(block_->text.substr(0, static_cast<std::size_t>(word.column) - 1));
-    if (static_cast<double>(sum) == word.value) return {};
-    return error(word, "GC107", fmt::format("checksum {} does not fit the block, whose bytes give {}", word.value, sum),
-                 "the block was damaged, or changed without renewing the checksum");
   }
 
   /// Every word must have a use in its block, and a value in its range.

@@ -17,19 +17,6 @@ constexpr double kLargest = 1e7;
 
 }  // namespace
 
-/// The exclusive or of all bytes before `*`; a product needs brackets.
-Status Engine::check_sum(const Word& word) const {
-  const std::string_view before = block_->text.substr(0, static_cast<std::size_t>(word.column) - 1);
-  const unsigned sum = checksum_of(before);
-  if (static_cast<double>(sum) == word.value) return {};
-  const bool product = before.find('#') != std::string_view::npos || before.find('[') != std::string_view::npos;
-  return error(word.column, "GC107",
-               fmt::format("* outside of brackets is a checksum, and {:g} does not fit the block, whose bytes give {}",
-                           word.value, sum),
-               product ? "a product stands in brackets: #2=[#1*2]"
-                       : "the block was damaged, or changed without renewing the checksum");
-}
-
 /// What `interpret` judges in plain programs.
 Status Engine::check() {
   std::array<const Word*, 40> groups{};
@@ -38,10 +25,6 @@ Status Engine::check() {
   int acting = motion_;
   int m_words = 0;
   for (const Word& word : block_->words) {
-    if (word.letter == '*') {
-      POLYPOD_TRY(check_sum(word));
-      continue;
-    }
     if (!(std::abs(word.value) <= 1e9)) {
       return error(word.column, "GC135", fmt::format("{} with a number beyond every range", word.letter),
                    "check the number");

@@ -102,7 +102,7 @@ void Engine::end_plain() {
   bool named = false;
   for (const Word& word : block_->words) {
     const int code = word.letter == 'G' || word.letter == 'M' ? code_of(word) : -1;
-    if (word.letter == '*' || word.letter == 'O' || word.letter == 'D') continue;
+    if (word.letter == 'O' || word.letter == 'D') continue;
     if (word.letter == 'G' && code >= 410 && code <= 421) continue;
     if (word.letter == 'M' && code >= 700 && code <= 730) continue;
     // M72 has put M51 to M53 beside G64, whose P they take: for the plain program two blocks say the same.

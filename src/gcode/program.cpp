@@ -164,7 +164,6 @@ Status LineReader::read_block(Block& block) {
   std::array<Word, kMostWords>& words = words_;
   std::size_t count = 0;
   bool first = true;  // nothing but blanks and comments so far
-  bool checksum = false;
   for (std::size_t i = 0; i < text.size();) {
     const char c = text[i];
     if (is_blank(c)) {
@@ -175,10 +174,6 @@ Status LineReader::read_block(Block& block) {
       POLYPOD_ASSIGN(end, skip_comment(block, i));
       i = end;
       continue;
-    }
-    if (checksum) {
-      return error(block, i, "GC107", fmt::format("{} after a checksum; a checksum ends its block", show(c)),
-                   "remove what follows the number after '*', or the checksum");
     }
     if (c == '%') {
       POLYPOD_TRY(read_percent(block, i, first));
@@ -201,7 +196,8 @@ Status LineReader::read_block(Block& block) {
       block.construct_column = static_cast<int>(i) + 1;
       break;
     }
-    if (!is_letter(c) && c != '*' && c != '@' && c != '^') {
+    if (c == '*') return error(block, i, "GC107", kStar, kStarHint);
+    if (!is_letter(c) && c != '@' && c != '^') {
       return error(block, i, "GC100", fmt::format("{} does not belong into a block", show(c)),
                    c == '\r'                          ? "end lines with LF or CR LF"
                    : text.starts_with("\xef\xbb\xbf") ? "save the file without a byte order mark"
@@ -236,14 +232,6 @@ Status LineReader::read_block(Block& block) {
       case Number::Outcome::too_large:
         return error(block, i, "GC102", fmt::format("{} with a number that is too large", letter),
                      "the number does not fit a double");
-    }
-    if (letter == '*') {
-      if (number.value < 0 || number.value > 255 || number.value != std::floor(number.value)) {
-        return error(block, i, "GC107",
-                     fmt::format("checksum {}; a checksum is an integer from 0 to 255", number.value),
-                     "remove or renew the checksum");
-      }
-      checksum = true;
     }
     if (letter == 'N' && count > 0) {
       return error(block, i, "GC106", "N within a block; a line number stands at the start of its line",

@@ -11,6 +11,14 @@ Refusal refusal_of(int g) {
   switch (g) {
     case 401:
       return {"GC121", "a word of other controllers", "cancel cutter radius compensation with G40"};
+    case 90:
+      return {"GC120", "a word of other controllers, which LinuxCNC refuses", "for an exact stop use G61.1"};
+    case 150:
+    case 500:
+    case 501:
+    case 690:
+      return {"GC120", "a word of other controllers, which LinuxCNC refuses",
+              "remove it: it cancels what LinuxCNC does not have"};
     case 60:
     case 61:
     case 62:

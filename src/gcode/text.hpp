@@ -35,12 +35,9 @@ inline bool is_percent(std::string_view text) {
   return text.starts_with('%') && from_first_word(text.substr(1)).empty();
 }
 
-/// The bytes of a block before its checksum, exclusive-or-ed.
-inline unsigned checksum_of(std::string_view text) {
-  unsigned sum = 0;
-  for (const char c : text) sum ^= static_cast<unsigned char>(c);
-  return sum;
-}
+/// What is said of a `*` outside of brackets.
+inline constexpr const char* kStar = "'*' outside of brackets: LinuxCNC reads no checksum";
+inline constexpr const char* kStarHint = "remove a checksum; a product stands in brackets: #2=[#1*2]";
 
 /// Whether LinuxCNC runs a comment, given without its bracket, as Python.
 inline bool runs_python(std::string_view comment) {

@@ -77,12 +77,6 @@ int group_of(int g) {
       return 13;
     case 970:
       return 14;
-    case 90:
-    case 150:
-    case 500:
-    case 501:
-    case 690:
-      return 30;  // passed through
     default:
       return 0;
   }

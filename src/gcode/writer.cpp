@@ -63,7 +63,6 @@ bool is_rotary(char letter) {
 
 /// Words that act when the move is done.
 bool acts_at_end(const Word& word) {
-  if (word.letter == 'G') return word.value == 9;
   return word.letter == 'M' &&
          (word.value == 0 || word.value == 1 || word.value == 2 || word.value == 30 || word.value == 60);
 }
@@ -121,7 +120,7 @@ class Edit {
   }
   void after(const Word& word, const std::string& text) { at_[index(word)] += (style_.blanks ? " " : "") + text; }
 
-  /// The new line; a checksum is renewed.
+  /// The new line.
   [[nodiscard]] std::string line() const {
     std::string out;
     std::size_t from = 0;
@@ -130,9 +129,7 @@ class Edit {
       const auto column = static_cast<std::size_t>(word.column) - 1;
       out.append(block_.text, from, column - from);
       from = column + static_cast<std::size_t>(word.length);
-      if (word.letter == '*') {
-        out += fmt::format("*{}", checksum_of(out));
-      } else if (!at_[i].empty()) {
+      if (!at_[i].empty()) {
         out += at_[i];
       } else {
         while (!out.empty() && is_blank(out.back())) out.pop_back();
@@ -401,7 +398,6 @@ class Rewriter {
     const Word* motion_word = nullptr;
     const Word* anchor = anchor_of(block);
     const Word* number = nullptr;
-    const Word* checksum = nullptr;
     std::string at_end;
     const bool axes = anchor != nullptr && (is_axis(anchor->letter) || is_rotary(anchor->letter));
     for (const Word& word : block.words) {
@@ -419,8 +415,6 @@ class Rewriter {
         edit.replace(word, feed_word(pieces.front()));
       } else if (word.letter == 'N') {
         number = &word;
-      } else if (word.letter == '*') {
-        checksum = &word;
       }
     }
     std::string words = pieces.front().words;
@@ -458,7 +452,6 @@ class Rewriter {
       style.add(line, pieces[i].words);
       if (inverse) style.add(line, feed_word(pieces[i]));
       if (last && !at_end.empty()) style.add(line, at_end);
-      if (checksum != nullptr) line += fmt::format("*{}", checksum_of(line));
       POLYPOD_TRY(put(line, last ? last_ending : between));
       ++out_.blocks_added;
     }

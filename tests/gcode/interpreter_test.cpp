@@ -214,7 +214,6 @@ TEST(Interpret, RefusesWithPlaceAndId) {
       {"G4\n", "GC134", 1, 1},
       {"G4 P-1\n", "GC134", 1, 4},
       {"G0 X100000001\n", "GC135", 1, 4},
-      {"N1 G0 X1*5\n", "GC107", 1, 9},
       {"M61\n", "GC132", 1, 1},
   };
   for (const Bad& bad : cases) {

@@ -22,9 +22,8 @@ struct CanonOptions {
 };
 
 /// The canonical calls of a program, one a line, in program units and in coordinates of the active offsets: what
-/// `rs274 -t TABLE -v PARAMETERS -g PROGRAM` (LinuxCNC 2.9) writes to its standard output, byte for byte. Words that
-/// rs274 itself refuses but Polypod passes through (checksums, G9, G50, G69, M codes of a machine's builder) print
-/// nothing.
+/// `rs274 -t TABLE -v PARAMETERS -g PROGRAM` (LinuxCNC 2.9) writes to its standard output, byte for byte. M codes of
+/// a machine's builder, which rs274 refuses where their files are not there, print nothing.
 /// Errors: those of `interpret`; GC150 no M2, M30 or closing % (rs274 refuses that too), GC151 a tool that the table
 /// does not hold, GC152 a malformed tool table or parameter file; FI100. Cost:
 /// linear.

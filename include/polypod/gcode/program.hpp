@@ -16,7 +16,7 @@ namespace polypod::gcode {
 
 /// A letter and its number as it stands in the text: `X-1.50`.
 struct Word {
-  char letter = 0;   ///< upper case; `*` for a checksum, `@` and `^` for polar coordinates
+  char letter = 0;   ///< upper case; `@` and `^` for polar coordinates
   double value = 0;  ///< as written: mm or inch, deg, mm/min, ...; finite
   int column = 0;    ///< 1-based, of the letter, in Block::text
   int length = 0;    ///< characters from the letter to the end of the number
@@ -41,7 +41,7 @@ struct Block {
   bool after_end = false;                 ///< stands after the closing `%`, M2 or M30: kept as text only
   Construct construct = Construct::none;  ///< words stop before it
   int construct_column = 0;               ///< 1-based
-  std::span<const Word> words;            ///< in the order of the text, N and checksum (*) words included
+  std::span<const Word> words;            ///< in the order of the text, N words included
 };
 
 /// The blocks of a program, packed; where they are many they lie in a temporary file (LongVector).
@@ -110,8 +110,8 @@ struct Program {
 /// or M30, are kept as text and not looked at.
 /// Errors (docs/gcode.md): GC100 a byte that no dialect uses, GC101 a letter without a number, GC102 a number that is
 /// malformed or not finite, GC103 a comment that is not closed, or nested, GC105 a misplaced `%`, GC106 a misplaced
-/// `/`, GC107 a malformed checksum. Each names file, line and column. Cost: linear; constant memory per line beyond the
-/// text.
+/// `/`, GC107 a `*` outside of brackets. Each names file, line and column. Cost: linear; constant memory per line
+/// beyond the text.
 Result<Program> parse(std::string_view text, const std::string& path);
 
 /// `parse` of the file `path`. Errors: those of `parse`, FI100.

@@ -48,16 +48,15 @@ struct Rewritten {
 ///
 /// A replaced motion block becomes G1 blocks (G0 for a rapid; G2 or G3 for points with a centre), one a point; a point
 /// that rounds onto the one before it needs none. The first block keeps N, F, S, T, G and M words and comments; X, Y, Z
-/// are replaced, I, J, K, R and P are dropped. M0, M1, M2, M30, M60 and G9, which act at the end of a move, go to the
+/// are replaced, I, J, K, R and P are dropped. M0, M1, M2, M30 and M60, which act at the end of a move, go to the
 /// last block. Each keeps the `/` and the line ending. Where the block was numbered, new blocks get numbers in between
 /// if the gap to the next number permits, else none. Under G91 steps are written, each from the position that the
 /// numbers before it add up to, so rounding never accumulates. Under G93 each block gets F so that the time of the
-/// whole move stays. Checksums are renewed.
+/// whole move stays.
 ///
 /// Other blocks keep their text, except that
 /// - a block that relied on a modal motion word which a rewritten block changed gets that word;
-/// - a step under G91 is changed so that its axis comes to the programmed place, as it does under G90;
-/// - a checksum follows its block.
+/// - a step under G91 is changed so that its axis comes to the programmed place, as it does under G90.
 /// An axis without a word stays where it is: a pure Z retract stays one, at the corrected X and Y.
 /// Coordinates are printed in full decimals, correctly rounded, without exponent and without a negative zero.
 ///
@@ -86,8 +85,8 @@ std::string format_number(double value, int decimals);
 /// The same without zeros at the end.
 std::string number(double value, int decimals);
 
-/// The text of the block with the motion word `G<motion>` (0 to 3) before its first axis word if it has no motion word;
-/// its checksum, if any, renewed. A block with a motion word, or without any axis word, is returned as it is.
+/// The text of the block with the motion word `G<motion>` (0 to 3) before its first axis word if it has no motion word.
+/// A block with a motion word, or without any axis word, is returned as it is.
 std::string ensure_motion_word(const Block& block, int motion);
 
 /// A text as it can stand in a comment of one line, whatever it holds: control characters become `\xNN`, `%` becomes
@@ -101,7 +100,7 @@ std::string comment_text(const std::string& line, bool semicolon);
 Program with_header(const Program& program, std::span<const std::string> lines, const std::string& code = {});
 
 /// The text of the block with `words` ("G64 P0.05 Q0") in the place of its path control word (G61, G61.1 or G64 with P
-/// and Q); its checksum, if any, renewed. A block without one is returned as it is.
+/// and Q). A block without one is returned as it is.
 std::string with_path_control(const Block& block, const std::string& words);
 
 }  // namespace polypod::gcode
