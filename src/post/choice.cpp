@@ -26,6 +26,7 @@ constexpr std::size_t kMostJoints = 7;
 constexpr int kTurns = 72, kCoarseTurns = 36;
 constexpr double kFarthestTurn = units::from_deg(30);
 constexpr int kPlaces = 65, kCoarsePlaces = 17;
+constexpr int kFine = 33, kFinerBy = 8;  // beside a way: values, and how much finer
 constexpr int kLookedTurns = 24, kLookedPlaces = 9;
 constexpr double kRungEvery = 1.0 / 200;  // of the sum of links
 constexpr double kRungTurn = units::from_deg(5);
@@ -67,9 +68,11 @@ struct LadderPoint {
   std::size_t step = 0;  // of the path
 };
 
-/// Which values a ladder has.
+/// Which values a ladder has: all round and over the whole range, or beside those of a way that is known.
 struct Values {
   int turns = 1, places = 1;
+  const std::vector<double>* beside_c = nullptr;       // of each rung: kFine values about it, an eighth of a step apart
+  const std::vector<double>* beside_places = nullptr;  // likewise
 };
 
 /// The states of one arm along a path, in one posture.
@@ -96,10 +99,19 @@ class States {
     if (carried_ && carried_->moves()) behind_ = 1;
   }
 
-  [[nodiscard]] double turn(int rung) const { return kTurn / values_.turns * (rung - values_.turns / 2); }
-  [[nodiscard]] double place(int column) const {
+  [[nodiscard]] double turn(std::size_t n, int rung) const {
+    const int off = rung - values_.turns / 2;
+    if (values_.beside_c != nullptr) return (*values_.beside_c)[n] + kTurn / kTurns / kFinerBy * off;
+    return kTurn / values_.turns * off;
+  }
+  [[nodiscard]] double place(std::size_t n, int column) const {
     const machine::JointRange range = ranges_.front();
-    return values_.places < 2 ? range.min : range.min + (range.max - range.min) * column / (values_.places - 1);
+    const double width = range.max - range.min;
+    if (values_.beside_places != nullptr) {
+      const double step = width / (kPlaces - 1) / kFinerBy;
+      return std::clamp((*values_.beside_places)[n] + step * (column - values_.places / 2), range.min, range.max);
+    }
+    return values_.places < 2 ? range.min : range.min + width * column / (values_.places - 1);
   }
 
   double state(std::size_t n, int j) {
@@ -109,10 +121,10 @@ class States {
     rung.exists = false;
     const int turned = j % values_.turns;
     const Vec3 angles =
-        point.angles ? *point.angles : both_turns(Rotary::abc, point.axis, turn(turned), Vec3::Zero())[0];
+        point.angles ? *point.angles : both_turns(Rotary::abc, point.axis, turn(n, turned), Vec3::Zero())[0];
     Pose X{R_MW_ * rotation_abc(angles.x(), angles.y(), angles.z()) * R_MW_.transpose(), point.p};
     if (carried_) {
-      const double u = point.external ? *point.external : place(j / values_.turns);
+      const double u = point.external ? *point.external : place(n, j / values_.turns);
       X = carried_->seen(X, u);
       rung.q[0] = u;
     }
@@ -136,7 +148,7 @@ class States {
     const Rung &a = row_[static_cast<std::size_t>(i)], &b = next_[static_cast<std::size_t>(j)];
     const LadderPoint& point = points_[n];
     const int way = std::abs(i % values_.turns - j % values_.turns);
-    double cost = kRungWeight * std::min(way, values_.turns - way);
+    double cost = kRungWeight * (values_.beside_c != nullptr ? way : std::min(way, values_.turns - way));
     for (std::size_t k = 0; k < joints_; ++k) {
       const double change = change_of(k, a.q[k], b.q[k]);
       if (!std::isfinite(change)) return kNone;
@@ -342,14 +354,18 @@ Choice choose(const Configuration& configuration, const Path& path, const PlanOp
   std::vector<LadderPoint> rungs = rungs_of(points, question.every_point ? 0 : kRungEvery * sum_of_links(arm));
   if (rungs.empty()) return out;
   bool stopped = false;
-  double begins = 0, ends = 1;  // of the progress
-  /// The values of the cheapest way; false where there is none.
-  const auto run = [&](const Values& values, std::vector<double>& c, std::vector<double>& places) {
+  double begins = 0, ends = 0;  // of the progress
+  std::vector<double> c(rungs.size()), places(rungs.size());
+  /// Takes the values of the cheapest way; false where there is none.
+  const auto run = [&](const Values& values, double share_of_work) {
+    begins = ends;
+    ends += share_of_work;
     States states(arm, rungs, options, question.branch, values);
     LadderSize size;
     size.points = rungs.size();
     size.rungs = values.turns;
-    size.farthest = static_cast<int>(std::lround(kFarthestTurn / kTurn * values.turns));
+    size.around = values.beside_c == nullptr;
+    if (size.around) size.farthest = static_cast<int>(std::lround(kFarthestTurn / kTurn * values.turns));
     size.columns = values.places;
     constexpr std::size_t kReport = 64;
     const LadderWay way = cheapest_way(
@@ -368,31 +384,42 @@ Choice choose(const Configuration& configuration, const Path& path, const PlanOp
       return false;
     }
     for (std::size_t n = 0; n < rungs.size(); ++n) {
-      if (values.turns > 1) c[n] = states.turn(way.rungs[n]);
-      if (values.places > 1) places[n] = states.place(way.columns[n]);
+      if (values.turns > 1) c[n] = states.turn(n, way.rungs[n]);
+      if (values.places > 1) places[n] = states.place(n, way.columns[n]);
     }
     return true;
   };
-  std::vector<double> c(rungs.size()), places(rungs.size());
   const bool turns = chooses_c(options), moves = chooses_place(options);
-  if (turns && moves) {
-    constexpr double kCoarse = 0.9, kFine = 0.95;
-    ends = kCoarse;
-    if (!run({kCoarseTurns, kCoarsePlaces}, c, places)) return out;
-    std::vector<LadderPoint> open = rungs;
-    for (std::size_t n = 0; n < rungs.size(); ++n) {
+  const std::vector<LadderPoint> open = rungs;
+  // With one of the two as it is, the other alone.
+  const auto hold_c = [&] {
+    rungs = open;
+    for (std::size_t n = 0; turns && n < rungs.size(); ++n)
       if (!rungs[n].angles) rungs[n].angles = both_turns(Rotary::abc, rungs[n].axis, c[n], Vec3::Zero())[0];
-    }
-    begins = ends;
-    ends = kFine;
-    if (!run({1, kPlaces}, c, places)) return out;
-    for (std::size_t n = 0; n < rungs.size(); ++n) open[n].external = places[n];
-    rungs = std::move(open);
-    begins = ends;
-    ends = 1;
-    if (!run({kTurns, 1}, c, places)) return out;
-  } else if (!run({turns ? kTurns : 1, moves ? kPlaces : 1}, c, places)) {
-    return out;
+  };
+  const auto hold_places = [&] {
+    rungs = open;
+    for (std::size_t n = 0; moves && n < rungs.size(); ++n) rungs[n].external = places[n];
+  };
+  constexpr double kMost = 0.8, kRest = 0.05;
+  const Values whole =
+      turns && moves ? Values{kCoarseTurns, kCoarsePlaces} : Values{turns ? kTurns : 1, moves ? kPlaces : 1};
+  if (!run(whole, kMost)) return out;
+  if (turns && moves) {
+    hold_c();
+    if (!run({1, kPlaces}, kRest)) return out;
+    hold_places();
+    if (!run({kTurns, 1}, kRest)) return out;
+  }
+  // Finer, beside the way that was found: small moves of joints cost little.
+  const std::vector<double> found_c = c, found_places = places;
+  if (moves) {
+    hold_c();
+    if (!run({1, kFine, nullptr, &found_places}, kRest)) return out;
+  }
+  if (turns) {
+    hold_places();
+    if (!run({kFine, 1, &found_c, nullptr}, kRest)) return out;
   }
   out.found = true;
   if (turns) out.c = along_steps(path, points, rungs, c);
