@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -219,8 +220,13 @@ void print_compliances(const Json& compliances) {
 /// The bodies of the URDF file that a machine comes from, written and read again.
 Result<bodies::BodiesFile> bodies_of(const std::string& name, const machine::AnyMachine& m, const std::string& output) {
   const std::string file = machine::file_of_machine(name);
-  POLYPOD_ASSIGN(text, files::read(file));
-  if (!machine::is_urdf(text, name)) {
+  std::error_code ec;
+  std::string text;
+  if (std::filesystem::exists(file, ec)) {
+    POLYPOD_ASSIGN(found, files::read(file));
+    text = std::move(found);
+  }
+  if (text.empty() || !machine::is_urdf(text, name)) {
     return fail("AP201", fmt::format("--bodies: {} is no URDF file", one_line(file)), {},
                 "write the bodies of other machines by hand: docs/bodies.md");
   }

@@ -24,7 +24,15 @@ namespace {
 namespace fs = std::filesystem;
 using machine::number_toml;
 
-constexpr double kGrains = 1e12;  // in a metre: what is finer is rounding
+/// Without what rounding leaves of zeros.
+std::string origin_toml(const Pose& X) {
+  constexpr double kGrains = 1e9;  // in a millimetre or degree
+  const auto tidy = [](double x) { return number_toml(std::round(x * kGrains) / kGrains + 0.0); };
+  const Vec3 abc = angles_abc(X.R);
+  return fmt::format("origin = {{ x_mm = {}, y_mm = {}, z_mm = {}, a_deg = {}, b_deg = {}, c_deg = {} }}\n",
+                     tidy(units::to_mm(X.p.x())), tidy(units::to_mm(X.p.y())), tidy(units::to_mm(X.p.z())),
+                     tidy(units::to_deg(abc.x())), tidy(units::to_deg(abc.y())), tidy(units::to_deg(abc.z())));
+}
 
 std::string mm_toml(const Vec3& v) {
   return fmt::format("[{}, {}, {}]", number_toml(units::to_mm(v.x())), number_toml(units::to_mm(v.y())),
@@ -119,11 +127,9 @@ Result<BodiesFile> file_from_urdf(std::string_view text, const std::string& name
       continue;
     }
     const int number = ++named[link];
-    Pose origin = body.X;
-    for (double& x : origin.p) x = std::round(x * kGrains) / kGrains + 0.0;  // no -0
     out.text += fmt::format("\n[[body]]\nname = {}\nframe = \"link\"\nlink = {}\n{}{}",
                             quoted_toml(number == 1 ? link : fmt::format("{} {}", link, number)), body.row,
-                            machine::frame_toml("origin", origin), *keys);
+                            origin_toml(body.X), *keys);
     if (body.visual)
       out.notes.push_back(fmt::format("link {}: its visual body, since it has none for collisions", link));
     ++out.count;

@@ -168,8 +168,9 @@ std::string in_words(const AnyMachine& machine, const Beginning& beginning) {
   for (const int i : free_joints(machine, X_MT, beginning.joints)) {
     const bool turns = joint_kind(machine, i) == machine::JointKind::revolute;
     const double q = beginning.joints[i];
-    names.push_back(turns ? fmt::format("joint {} at {:.1f} deg", i + 1, units::to_deg(q))
-                          : fmt::format("joint {} at {:.3f} mm", i + 1, units::to_mm(q)));
+    const auto rounded = [](double x, double grains) { return std::round(x * grains) / grains + 0.0; };  // no -0
+    names.push_back(turns ? fmt::format("joint {} at {:.1f} deg", i + 1, rounded(units::to_deg(q), 10))
+                          : fmt::format("joint {} at {:.3f} mm", i + 1, rounded(units::to_mm(q), 1000)));
   }
   return fmt::format(
       "begins with {}, from where the program goes on: the first pose leaves that free; bring the "
