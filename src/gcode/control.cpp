@@ -150,13 +150,30 @@ Status Engine::execute(const Block& block) {
   return this->block(block);
 }
 
+namespace {
+/// Whether the label of a line is computed: O[#1+100] sub, O#1 while.
+bool computes_label(std::string_view text) {
+  const std::size_t o = text.find_first_not_of(" \t/nN0123456789.");
+  if (o == std::string_view::npos || (text[o] != 'o' && text[o] != 'O')) return false;
+  const std::size_t next = text.find_first_not_of(" \t", o + 1);
+  return next != std::string_view::npos && (text[next] == '[' || text[next] == '#');
+}
+}  // namespace
+
+/// A line that LinuxCNC reads though it passes it by. Its error is that of the line; nothing where it reads a parameter
+/// that has no value, or one that nobody knows: LinuxCNC goes on there.
+Result<std::optional<Line>> Engine::read_passed(const Block& block) {
+  Result<Line> line = read_line(block.text, *this, Place{source().program->path, block.line, 0});
+  if (line) return std::optional<Line>(std::move(*line));
+  if (line.error().id == "GC162" || line.error().id == "GC169") return std::optional<Line>();
+  other_ = block;
+  written_block_ = block_ = &other_;
+  return tl::unexpected(std::move(line.error()));
+}
+
 std::optional<std::pair<std::string, std::string>> Engine::o_word(std::string_view text) const {
   if (auto written = o_word_of(text)) return written;
-  // A label that is computed: O[#1+100] sub, O#1 while.
-  const std::size_t o = text.find_first_not_of(" \t/nN0123456789.");
-  if (o == std::string_view::npos || (text[o] != 'o' && text[o] != 'O')) return std::nullopt;
-  const std::size_t next = text.find_first_not_of(" \t", o + 1);
-  if (next == std::string_view::npos || (text[next] != '[' && text[next] != '#')) return std::nullopt;
+  if (!computes_label(text)) return std::nullopt;
   const Result<Line> line = read_line(text, *this, {});
   if (!line || line->keyword.empty()) return std::nullopt;
   return std::pair{line->label, line->keyword};
@@ -380,6 +397,7 @@ Status Engine::skip_to(const std::string& label, std::initializer_list<std::stri
   const std::size_t from = frame().at;
   for (std::size_t& at = frame().at; at < blocks.size(); ++at) {
     if (ends_file(blocks[at].text)) break;
+    if (computes_label(blocks[at].text)) POLYPOD_TRY(read_passed(blocks[at]));
     const auto word = o_word(blocks[at].text);
     if (!word || word->first != label) continue;
     if (word->second == "break") pass_break(label, false);
@@ -420,8 +438,10 @@ Status Engine::control(const Line& line, const Block& block) {
       const auto& blocks = source().program->blocks;
       for (std::size_t i = f.at; i < blocks.size(); ++i) {
         if (ends_file(blocks[i].text)) break;
+        if (computes_label(blocks[i].text)) POLYPOD_TRY(read_passed(blocks[i]));
         const auto other = o_word(blocks[i].text);
         if (!other) continue;
+        if (other->second == "return" && other->first == label) POLYPOD_TRY(read_passed(blocks[i]));
         if (other->second == "sub") {
           other_ = blocks[i];
           written_block_ = block_ = &other_;
@@ -429,7 +449,7 @@ Status Engine::control(const Line& line, const Block& block) {
         }
         if (other->second == "endsub" && other->first == label) {
           // LinuxCNC reads the value of the last line even where it passes the subprogram by.
-          const auto last = read_line(blocks[i].text, *this, Place{source().program->path, blocks[i].line, 0});
+          POLYPOD_ASSIGN(last, read_passed(blocks[i]));
           if (last) {
             returned_ = !last->arguments.empty();
             returned_value_ = returned_ ? last->arguments.front() : 0;

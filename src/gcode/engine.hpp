@@ -161,6 +161,7 @@ class Engine final : private Parameters {
                                                        bool by_number);
   /// The label and the keyword of a line with an O word, a computed label with the parameters as they are now.
   [[nodiscard]] std::optional<std::pair<std::string, std::string>> o_word(std::string_view text) const;
+  Result<std::optional<Line>> read_passed(const Block& block);
   /// Where `sub` of a label, or the label alone, stands first from a line on, as far as the file is read.
   [[nodiscard]] std::optional<std::size_t> first_of(const std::string& label, const Source& source,
                                                     std::size_t from) const;

@@ -92,6 +92,8 @@ class LineReader {
     if (!at_end() && lower(peek()) == 'o') {
       POLYPOD_TRY(o_word());
       if (!line_.keyword.empty() || at_end()) return std::move(line_);
+      POLYPOD_TRY(skip_comments());
+      if (!at_end() && peek() != ';') return error("GC163", fmt::format("'{}' {}", peek(), kBehindO), kBehindOHint);
     }
     while (!at_end()) {
       const char c = peek();
@@ -189,6 +191,7 @@ class LineReader {
     const std::size_t from = at_;
     if (c == '$') return spindle();
     if (c == '*') return error("GC107", kStar, kStarHint);
+    if (lower(c) == 'o') return error("GC163", kOWithin, kOWithinHint);
     if (!is_letter(c) && c != '@' && c != '^') {
       return error("GC100", fmt::format("'{}' does not belong into a block", c), "remove it, or put it into a comment");
     }

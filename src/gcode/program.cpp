@@ -164,6 +164,7 @@ Status LineReader::read_block(Block& block) {
   std::array<Word, kMostWords>& words = words_;
   std::size_t count = 0;
   bool first = true;  // nothing but blanks and comments so far
+  bool commented = false, labelled = false;
   for (std::size_t i = 0; i < text.size();) {
     const char c = text[i];
     if (is_blank(c)) {
@@ -173,8 +174,10 @@ Status LineReader::read_block(Block& block) {
     if (c == '(' || c == ';') {
       POLYPOD_ASSIGN(end, skip_comment(block, i));
       i = end;
+      commented = true;
       continue;
     }
+    if (labelled) return error(block, i, "GC163", fmt::format("{} {}", show(c), kBehindO), kBehindOHint);
     if (c == '%') {
       POLYPOD_TRY(read_percent(block, i, first));
       first = false;
@@ -210,6 +213,8 @@ Status LineReader::read_block(Block& block) {
     if (letter == 'N' && after < text.size() && !is_digit(text[after]) && text[after] != '(' && text[after] != ';') {
       return error(block, i, "GC106", "N without the digits of a line number", "write N and an integer from 0");
     }
+    const bool at_start = count == 0 || (count == 1 && words[0].letter == 'N');
+    if (letter == 'O' && (commented || !at_start)) return error(block, i, "GC163", kOWithin, kOWithinHint);
     if (const Construct value = construct_at(text, after); value != Construct::none) {
       block.construct = value;
       block.construct_column = static_cast<int>(after) + 1;
@@ -242,6 +247,13 @@ Status LineReader::read_block(Block& block) {
     }
     words[count++] = Word{letter, number.value, static_cast<int>(i) + 1, static_cast<int>(number.end - i)};
     i = number.end;
+    if (letter == 'O') {
+      if (number.value != std::floor(number.value)) {
+        return error(block, static_cast<std::size_t>(words[count - 1].column) - 1, "GC163",
+                     fmt::format("O{} is no label; labels are integers", number.value), "use an integer");
+      }
+      labelled = true;
+    }
     if (letter == 'O' && starts_with_keyword(text, i)) {
       block.construct = Construct::o_word;
       block.construct_column = words[count - 1].column;

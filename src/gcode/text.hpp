@@ -35,6 +35,12 @@ inline bool is_percent(std::string_view text) {
   return text.starts_with('%') && from_first_word(text.substr(1)).empty();
 }
 
+/// What is said of an O that is not the first word of its line, and of what stands behind one that calls nothing.
+inline constexpr const char* kOWithin = "O within a block; O words stand at the start of their line";
+inline constexpr const char* kOWithinHint = "is the digit 0 meant?";
+inline constexpr const char* kBehindO = "behind an O word that is no sub, call, if, while, ...";
+inline constexpr const char* kBehindOHint = "move it to a line of its own";
+
 /// What is said of a `*` outside of brackets.
 inline constexpr const char* kStar = "'*' outside of brackets: LinuxCNC reads no checksum";
 inline constexpr const char* kStarHint = "remove a checksum; a product stands in brackets: #2=[#1*2]";
