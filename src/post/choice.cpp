@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <numbers>
 #include <optional>
@@ -27,7 +29,7 @@ constexpr int kTurns = 72, kCoarseTurns = 36;
 constexpr double kFarthestTurn = units::from_deg(30);
 constexpr int kPlaces = 65, kCoarsePlaces = 17;
 constexpr int kFine = 33, kFinerBy = 8;  // beside a way: values, and how much finer
-constexpr int kLookedTurns = 24, kLookedPlaces = 9;
+constexpr int kLookedTurns = 24, kLookedPlaces = 9, kLookedPlacesAlone = 33;
 constexpr double kRungEvery = 1.0 / 200;  // of the sum of links
 constexpr double kRungTurn = units::from_deg(5);
 
@@ -62,11 +64,36 @@ struct LadderPoint {
   Vec3 across = Vec3::Zero();      // of the path and the tool; 0: none
   std::optional<Vec3> angles;      // where C is not chosen
   std::optional<double> external;  // where it is not chosen
-  double seconds = 0;              // of the step that leads there; 0: not judged, as in rapids
-  double length = 0;               // m, the same; of a turn alone it is none
+  /// Poses on the step that leads there, of a long one.
+  struct Between {
+    Vec3 p, axis;
+    std::optional<Vec3> angles;
+  };
+  std::vector<Between> between;
+  double seconds = 0;  // of the step that leads there; 0: not judged, as in rapids
+  double length = 0;   // m, the same; of a turn alone it is none
   bool rapid = false;
   std::size_t step = 0;  // of the path
 };
+
+/// The inverse with six joints by its branches, also of arms with coupled joints.
+using Solver = std::function<void(const Pose&, machine::SixJointBranches&)>;
+Solver solver_of(const machine::SerialArm& arm) {
+  if (const auto six = machine::six_joint_inverse(arm)) {
+    return [form = *six](const Pose& X, machine::SixJointBranches& out) {
+      std::visit([&](const auto& inverse) { inverse.solve(X, out); }, form);
+    };
+  }
+  return [arm](const Pose& X, machine::SixJointBranches& out) {
+    std::fill(std::begin(out.exists), std::end(out.exists), false);
+    for (const kinematics::Solution& s : machine::inverse(arm, X).solutions) {
+      if (s.branch >= machine::SixJointBranches::kCount) continue;
+      out.exists[s.branch] = true;
+      out.singular[s.branch] = s.singular;
+      std::copy_n(s.joints.data(), 6, out.joints[s.branch]);
+    }
+  };
+}
 
 /// Which values a ladder has: all round and over the whole range, or beside those of a way that is known.
 struct Values {
@@ -82,7 +109,7 @@ class States {
          unsigned branch, const Values& values)
       : arm_(arm),
         carried_(machine::CarriedArm::on_external_axis(arm)),
-        inverse_(*machine::six_joint_inverse(carried_ ? carried_->arm() : arm)),
+        solve_(solver_of(carried_ ? carried_->arm() : arm)),
         points_(points),
         options_(options),
         branch_(static_cast<int>(branch)),
@@ -128,14 +155,16 @@ class States {
       X = carried_->seen(X, u);
       rung.q[0] = u;
     }
-    machine::SixJointBranches out;
-    std::visit([&](const auto& inverse) { inverse.solve(X, out); }, inverse_);
-    if (!out.exists[branch_] || out.singular[branch_]) return kNone;
-    std::copy_n(out.joints[branch_], 6, rung.q.begin() + behind_);
-    for (std::size_t i = 0; i < joints_; ++i) {
-      if (rung.q[i] < ranges_[i].min - kSlack || rung.q[i] > ranges_[i].max + kSlack) return kNone;
-    }
+    if (!stands(X, rung)) return kNone;
     rung.exists = true;
+    // On the way that leads there the axis stands about where it ends: there the arm must reach it, too.
+    Rung between = rung;
+    for (const LadderPoint::Between& at : point.between) {
+      const Vec3 abc = at.angles ? *at.angles : both_turns(Rotary::abc, at.axis, turn(n, turned), Vec3::Zero())[0];
+      Pose X_at{R_MW_ * rotation_abc(abc.x(), abc.y(), abc.z()) * R_MW_.transpose(), at.p};
+      if (carried_) X_at = carried_->seen(X_at, rung.q[0]);
+      if (!stands(X_at, between)) return kNone;
+    }
     double cost = cost_of_limits(rung) + cost_of_pose(rung, point);
     if (n == 0) {
       const int off = values_.turns > 1 ? turned - values_.turns / 2 : 0;
@@ -171,6 +200,18 @@ class States {
 
  private:
   static constexpr double kSlack = 1e-10;  // rad or m
+
+  /// The joints at a pose as the six see it, in the posture of the ladder; false where there are none within limits.
+  bool stands(const Pose& X, Rung& rung) const {
+    machine::SixJointBranches out;
+    solve_(X, out);
+    if (!out.exists[branch_] || out.singular[branch_]) return false;
+    std::copy_n(out.joints[branch_], 6, rung.q.begin() + behind_);
+    for (std::size_t i = 0; i < joints_; ++i) {
+      if (rung.q[i] < ranges_[i].min - kSlack || rung.q[i] > ranges_[i].max + kSlack) return false;
+    }
+    return true;
+  }
 
   /// By how much joint k moves; by whole turns less where its range has them. Not finite: beyond its range.
   [[nodiscard]] double change_of(std::size_t k, double from, double to) const {
@@ -228,7 +269,7 @@ class States {
 
   const machine::SerialArm& arm_;
   const std::optional<machine::CarriedArm> carried_;
-  const machine::SixJointInverse inverse_;
+  const Solver solve_;
   const std::vector<LadderPoint>& points_;
   const PlanOptions& options_;
   const int branch_;
@@ -252,6 +293,28 @@ bool chooses_place(const PlanOptions& options) {
   return options.external == External::chosen;
 }
 
+/// Poses between the ends of a cut that is longer than kLongStep, or turns farther than kFarSweep.
+void add_between(const Step& from, const Step& to, const Vec3& angles_from, const Mat3& R_MW,
+                 const PlanOptions& options, LadderPoint& point) {
+  constexpr double kLongStep = 0.2, kFarSweep = units::from_deg(45);  // m, rad
+  constexpr int kMost = 100;
+  const bool curved = to.kind == StepKind::arc;
+  const double wanted = std::max(point.length / kLongStep, curved ? to.sweep / kFarSweep : 0.0);
+  const int pieces = std::min(kMost, static_cast<int>(std::ceil(wanted - 1e-9)));
+  for (int k = 1; k < pieces; ++k) {
+    const double s = double(k) / pieces;
+    Vec3 tip = from.tip + s * (to.tip - from.tip);
+    if (curved) {
+      const Vec3 r = from.tip - to.centre;
+      const double rise = (to.tip - to.centre).dot(to.normal) - r.dot(to.normal);
+      tip = to.centre + Eigen::AngleAxisd(s * to.sweep, to.normal) * r + s * rise * to.normal;
+    }
+    LadderPoint::Between at{options.origin + R_MW * tip, between_axes(from.axis, to.axis, s), std::nullopt};
+    if (point.angles) at.angles = Vec3(angles_from + s * (*point.angles - angles_from));
+    point.between.push_back(at);
+  }
+}
+
 /// The placed steps of a path as points of a ladder.
 std::vector<LadderPoint> points_of(const Path& path, const PlanOptions& options, int turn) {
   const Mat3 R_MW = rotation_z(options.rotation);
@@ -265,6 +328,7 @@ std::vector<LadderPoint> points_of(const Path& path, const PlanOptions& options,
     point.step = i;
     point.p = options.origin + R_MW * step.tip;
     point.axis = step.axis;
+    const Vec3 angles_before = angles;
     if (options.c) {
       const bool sets = path.leaves_c() && *options.c != 0;
       angles = step.angles && !sets ? *step.angles
@@ -285,6 +349,7 @@ std::vector<LadderPoint> points_of(const Path& path, const PlanOptions& options,
         point.length = std::hypot((r - r.dot(step.normal) * step.normal).norm() * step.sweep, along.dot(step.normal));
         along = step.normal.cross(r);
       }
+      if (!point.rapid) add_between(*before, step, angles_before, R_MW, options, point);
       const Vec3 across = R_MW * step.axis.cross(along);
       if (across.norm() > kPole) point.across = across.normalized();
       if (!point.rapid && step.feed > 0) point.seconds = point.length / step.feed;
@@ -436,7 +501,9 @@ double first_look(const Configuration& configuration, const Path& path, const Pl
   for (std::size_t i = 0; i < std::min(kLooked, all.size()); ++i) {
     points.push_back(all[i * all.size() / std::min(kLooked, all.size())]);
   }
-  const Values values{chooses_c(options) ? kLookedTurns : 1, chooses_place(options) ? kLookedPlaces : 1};
+  const Values values{chooses_c(options) ? kLookedTurns : 1, !chooses_place(options) ? 1
+                                                             : chooses_c(options)    ? kLookedPlaces
+                                                                                     : kLookedPlacesAlone};
   States states(arm, points, options, question.branch, values);
   double sum = 0;
   for (std::size_t n = 0; n < points.size(); ++n) {

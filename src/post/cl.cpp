@@ -72,9 +72,9 @@ const std::set<std::string_view> kTextWords{"PARTNO", "PPRINT", "REMARK", "INSER
 
 /// Words that tell something and move nothing.
 const std::set<std::string_view> kNoted{
-    "CUTTER", "MACHIN", "HEAD", "INTOL",  "OUTTOL", "TOLER",  "CLEARP", "DISPLY",    "SET",    "SELCTL",
-    "UNLOAD", "CLAMP",  "MODE", "TMARK",  "LEADER", "MCHTOL", "LINTOL", "SAFPOS",    "NOPOST", "SEQNO",
-    "AUTOPS", "REWIND", "END",  "CLRSRF", "PAINT",  "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
+    "CUTTER", "MACHIN", "HEAD",   "INTOL", "OUTTOL", "TOLER",  "CLEARP",    "DISPLY", "SET",        "SELCTL", "SELECT",
+    "UNLOAD", "CLAMP",  "MODE",   "TMARK", "LEADER", "MCHTOL", "LINTOL",    "SAFPOS", "NOPOST",     "SEQNO",  "AUTOPS",
+    "REWIND", "END",    "CLRSRF", "PAINT", "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
 
 /// Words that change where the tool goes and are not carried out, with what to do.
 const std::map<std::string_view, const char*> kRefused{
@@ -186,6 +186,7 @@ class Reader {
   };
   struct Cycle {
     double depth = 0, clearance = 0, feed = 0;
+    std::optional<double> retract;  // above the point, where the tool goes behind the hole; empty: to the clearance
   };
   struct Length {
     double value;
@@ -221,7 +222,7 @@ class Reader {
       // Creo lays a coordinate system into a remark of several lines, each but the last ending with `$`.
       if (std::exchange(in_remark_, in_remark_ && trimmed(line).ends_with('$'))) {
         remarked_.read(line);
-        note_second_system();
+        POLYPOD_TRY(one_system());
         continue;
       }
       const std::size_t first = line.find_first_not_of(" \t");
@@ -231,7 +232,7 @@ class Reader {
         const std::string_view remark = trimmed(line.substr(comment + 2));
         in_remark_ = remark.starts_with("->") && remark.ends_with('$');
         remarked_.begin(remark);
-        note_second_system();
+        POLYPOD_TRY(one_system());
         line = line.substr(0, comment);
       }
       const std::size_t more = line.find('$');
@@ -261,13 +262,12 @@ class Reader {
     return std::optional<Statement>{};
   }
 
-  void note_second_system() {
-    if (remarked_.take_second())
-      note_once(
-          fmt::format("line {}: a second coordinate system in a remark, which lies elsewhere than the one before: the "
-                      "coordinates are "
-                      "taken as they stand, all in one system",
-                      line_));
+  Status one_system() {
+    if (!remarked_.take_second()) return {};
+    return error("PO105", "a second coordinate system in a remark, which lies elsewhere than the one before",
+                 {line_, 1},
+                 "post the operations of each system by themselves; where all coordinates are in one system, remove "
+                 "the remarks");
   }
 
   static bool carries_text(std::string_view line) {
@@ -494,7 +494,7 @@ class Reader {
       push(StepKind::rapid, above, axis, spot);
       push(StepKind::line, below, axis, spot);
       out_.steps.back().feed = cycle_->feed;
-      push(StepKind::rapid, above, axis, spot);
+      push(StepKind::rapid, cycle_->retract ? Vec3(tip + *cycle_->retract * axis) : above, axis, spot);
       cl_point_ = tip;  // the hole, not the place above it
       rapid_ = false;
     } else if (arc_) {
@@ -870,7 +870,8 @@ class Reader {
     return {};
   }
 
-  /// CYCLE/DRILL with DEPTH (or FEDTO), a feed and CLEAR (or RAPTO): down and up along the tool axis at each GOTO.
+  /// CYCLE/DRILL with DEPTH (or FEDTO), a feed, CLEAR (or RAPTO) and perhaps RTRCTO: down and up along the tool axis at
+  /// each GOTO.
   Status cycle(const Statement& s) {
     const auto refuse_here = [&](std::string message, Spot spot) {
       return error("PO105", std::move(message), spot,
@@ -908,12 +909,17 @@ class Reader {
         depth = -length;
       } else if (key.text == "CLEAR" || key.text == "RAPTO") {
         clearance = length;
+      } else if (key.text == "RTRCTO") {
+        c.retract = length;
       } else {
         return refuse_here(fmt::format("CYCLE/DRILL with {}", shown(key.text)), key.spot);
       }
     }
     if (!depth || !clearance || !(*depth > 0) || !(*clearance >= 0)) {
       return refuse_here("CYCLE/DRILL without a depth above 0 and a clearance", s.spot);
+    }
+    if (c.retract && !(*c.retract >= *clearance)) {
+      return refuse_here("CYCLE/DRILL with an RTRCTO below its clearance", s.spot);
     }
     if (!(c.feed > 0))
       return error("PO108", "CYCLE/DRILL without a feed", s.spot, "give MMPM,f in it, or FEDRAT before it");

@@ -108,6 +108,7 @@ class Planner {
         path_(path),
         options_(options),
         carried_(external_axis(configuration.machine, options)),
+        behind_(carried_ ? machine::AnyMachine(carried_->arm()) : machine::AnyMachine()),
         sets_c_(configuration.rotary == Rotary::abc && path.leaves_c() && options.c.value_or(1) != 0) {}
 
   struct Start {
@@ -201,10 +202,13 @@ class Planner {
  private:
   /// Those of the machine with its external axis there, if it has one that does not follow.
   [[nodiscard]] InverseResult solutions(const Target& at) const {
-    return carried_ ? carried_->inverse(at.X, at.external) : kinematics::inverse(machine_, at.X);
+    if (!carried_) return kinematics::inverse(machine_, at.X);
+    return carried_->whole(kinematics::inverse(behind_, carried_->seen(at.X, at.external)), at.external);
   }
   [[nodiscard]] InverseResult solutions_near(const Target& at, const JointVector& last) const {
-    return carried_ ? carried_->inverse_near(at.X, at.external, last) : kinematics::inverse_near(machine_, at.X, last);
+    if (!carried_) return kinematics::inverse_near(machine_, at.X, last);
+    const Pose seen = carried_->seen(at.X, at.external);
+    return carried_->whole(kinematics::inverse_near(behind_, seen, carried_->behind(last)), at.external);
   }
   /// `way` must outlive it.
   template <class Way>
@@ -662,6 +666,7 @@ class Planner {
   const Path& path_;
   const PlanOptions& options_;
   const std::optional<machine::CarriedArm> carried_;
+  const machine::AnyMachine behind_;  ///< the arm that is carried
   const bool sets_c_;
   Plan out_;
   bool placed_ = false;
@@ -683,6 +688,18 @@ class Planner {
 
 tl::unexpected<Error> cancelled() {
   return fail("PO199", "cancelled");
+}
+
+/// So many places of the external axis, from the middle of its range outwards.
+std::vector<double> places_to_stand(const Configuration& configuration, int count) {
+  const machine::JointRange range =
+      machine::CarriedArm::on_external_axis(std::get<machine::SerialArm>(configuration.machine))->range();
+  std::vector<double> out;
+  for (int k = 0; k < count; ++k) {
+    const int from_middle = (k % 2 == 0 ? 1 : -1) * ((k + 1) / 2);
+    out.push_back(range.min + (range.max - range.min) * (0.5 + double(from_middle) / (count - 1)));
+  }
+  return out;
 }
 
 /// What is chosen along the program, in each posture, the one that looks best first; after the first in which the plan
@@ -721,6 +738,29 @@ Result<std::vector<Planner::Start>> chosen_starts(const Configuration& configura
       if (!planner.result().ok()) continue;
       std::swap(out.front(), out.back());
       return out;
+    }
+  }
+  if (options.external == External::chosen) {
+    // Where the ladder finds no way, it may stand still.
+    const std::vector<double> places = places_to_stand(configuration, options.c ? 33 : 9);
+    for (const Posture& posture : postures) {
+      for (const double place : places) {
+        PlanOptions standing = options;
+        standing.external = External::stands;
+        standing.external_at = place;
+        Planner::Start start{posture.question.turn, posture.question.branch, {}, {}};
+        if (!options.c) {
+          Choice chosen = choose(configuration, path, standing, posture.question);
+          if (!options.progress(0)) return cancelled();
+          if (!chosen.found) continue;
+          start.c = std::move(chosen.c);
+        }
+        start.external.assign(path.steps.size(), place);
+        if (!planner.run(start, false)) return cancelled();
+        if (!planner.result().ok()) continue;
+        out.insert(out.begin(), std::move(start));
+        return out;
+      }
     }
   }
   if (!out.empty()) return out;
@@ -793,6 +833,15 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
   } else if (!axis->moves()) {
     asked.external = External::stands;
     asked.external_at = *axis->axis().locked;
+    const machine::JointRange range = axis->range();
+    if (asked.external_at < range.min || asked.external_at > range.max) {
+      const bool turns = axis->axis().kind == machine::JointKind::revolute;
+      const auto user = [turns](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
+      return fail("PO127",
+                  fmt::format("the external axis is locked at {:g} {}, beyond its limits {:g} and {:g}",
+                              user(asked.external_at), turns ? "deg" : "mm", user(range.min), user(range.max)),
+                  {}, "lock it within its limits, or correct these");
+    }
   } else if (asked.external == External::chosen && configuration.rotary != Rotary::abc) {
     asked.external = External::linear;
   }
@@ -810,8 +859,13 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
   const bool choose = (configuration.rotary == Rotary::abc && !asked.c) || asked.external == External::chosen;
   std::vector<Planner::Start> starts;
   if (choose) {
-    if (!axis && (arm == nullptr || !machine::six_joint_inverse(*arm))) {
-      return fail("PO123", "C cannot be chosen on this machine: its inverse names no postures", {}, "give --c DEG");
+    const bool serves =
+        axis ? asked.external != External::follows : arm != nullptr && machine::has_six_joint_branches(*arm);
+    if (!serves) {
+      return fail("PO123",
+                  axis ? "C is chosen together with the place of the external axis, which follows the moves here"
+                       : "C cannot be chosen on this machine: it has no closed inverse with six joints",
+                  {}, axis ? "leave --external-axis follows out, or give --c DEG" : "give --c DEG");
     }
     if (!asked.branch.empty() && !is_a_branch(configuration.machine, asked.branch)) return not_there("");
     POLYPOD_ASSIGN(chosen, chosen_starts(configuration, path, asked, planner));

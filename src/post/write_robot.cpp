@@ -383,6 +383,14 @@ std::unique_ptr<Language> language_of(Dialect dialect, const WriteOptions& optio
   return std::make_unique<UrScript>(options, external);
 }
 
+/// "X 0 Y 0 Z 675 mm, A 0 B 0 C 90 deg".
+std::string frame_in_words(const Pose& X) {
+  const Vec3 a = angles_abc(X.R);
+  return fmt::format("X {} Y {} Z {} mm, A {} B {} C {} deg", number(units::to_mm(X.p.x()), 3),
+                     number(units::to_mm(X.p.y()), 3), number(units::to_mm(X.p.z()), 3),
+                     number(units::to_deg(a.x()), 3), number(units::to_deg(a.y()), 3), number(units::to_deg(a.z()), 3));
+}
+
 std::string state_of(const Step& step) {
   const char* coolant = step.coolant == Coolant::off ? "coolant off" : step.coolant == Coolant::mist ? "mist" : "flood";
   const std::string spindle =
@@ -579,8 +587,8 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
   Written out;
   const machine::DhRow* const external = carried ? &carried->axis() : nullptr;
   const auto language = language_of(dialect, options, external);
-  language->begin((carried ? carried->arm() : *arm).X_MB.inverse() * Pose{rotation_z(options.rotation), options.origin},
-                  arm->X_FT);
+  const Pose root = carried ? carried->root() : arm->X_MB;
+  language->begin(root.inverse() * Pose{rotation_z(options.rotation), options.origin}, arm->X_FT);
   // The plan has orientations along the axes of M; the language wants those in the frame of the workpiece.
   const Mat3 R_WM = rotation_z(-options.rotation);
   std::string state;
@@ -633,13 +641,14 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
     out.notes.push_back("the tool tip is the flange: the machine file gives no tool length (`--set tool.z_mm=...`)");
   for (std::string& note : robot_notes(path, options)) out.notes.push_back(std::move(note));
   if (external != nullptr) {
-    out.notes.push_back(fmt::format(
-        "joint 1 of the machine file is written as {}, in {}; the workpiece frame counts from the robot's base where "
-        "it "
-        "is at 0, so there the world frame of the controller must be, with the axis configured as one that carries the "
-        "robot",
-        dialect == Dialect::krl ? "the external axis E1" : "the external axis eax_a",
-        external->kind == machine::JointKind::revolute ? "deg" : "mm"));
+    out.notes.push_back(
+        fmt::format("joint 1 of the machine file is written as {}, in {}; the workpiece frame counts from the robot's "
+                    "base where it is "
+                    "at 0 (in M {}), so there the world frame of the controller must be, with the axis configured as "
+                    "one that carries "
+                    "the robot",
+                    dialect == Dialect::krl ? "the external axis E1" : "the external axis eax_a",
+                    external->kind == machine::JointKind::revolute ? "deg" : "mm", frame_in_words(root)));
   } else if (arm->dh.size() != 6)
     out.notes.push_back(
         fmt::format("the tool frame is given in the last frame of the {} joints of the machine file", arm->dh.size()));

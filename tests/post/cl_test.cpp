@@ -206,8 +206,9 @@ TEST(Cl, ReadsTheWordsOfNxCatiaAndCreo) {
   EXPECT_EQ(id_of(post::parse_cl("LOAD/TOOL\nGOTO/1,2,3\nFINI\n", "t.cl")), "PO103");
 }
 
-/// Creo and CATIA write where their coordinates lie into remarks: a second system that lies elsewhere is named.
-TEST(Cl, NamesASecondSystemInARemark) {
+/// Creo and CATIA write where their coordinates lie into remarks: a second system that lies elsewhere is refused, as a
+/// second MSYS is.
+TEST(Cl, RefusesASecondSystemInARemark) {
   const auto creo = [](double x) {
     return fmt::format("$$-> CSYS / 1.0, 0.0, 0.0, {:.1f}, $\n  0.0, 1.0, 0.0, 0.0, $\n  0.0, 0.0, 1.0, 0.0\n", x);
   };
@@ -217,15 +218,30 @@ TEST(Cl, NamesASecondSystemInARemark) {
         "$$     0.00000    1.00000    0.00000    0.00000\n$$     0.00000    0.00000    1.00000    0.00000\n",
         x);
   };
-  const auto notes = [](const std::string& first, const std::string& second) {
-    return read("UNITS/MM\n" + first + "RAPID\nGOTO/1,2,3\nFEDRAT/100,MMPM\n" + second + "GOTO/1,2,0\nFINI\n").notes;
+  const auto read = [](const std::string& first, const std::string& second) {
+    const auto path = post::parse_cl(
+        "UNITS/MM\n" + first + "RAPID\nGOTO/1,2,3\nFEDRAT/100,MMPM\n" + second + "GOTO/1,2,0\nFINI\n", "t.cl");
+    return path ? std::string() : fmt::format("{}:{}", path.error().id, path.error().place.line);
   };
-  using testing::Contains;
-  using testing::HasSubstr;
-  EXPECT_THAT(notes(creo(0), creo(50)), Contains(HasSubstr("line 10: a second coordinate system")));
-  EXPECT_THAT(notes(catia(0), catia(50)), Contains(HasSubstr("line 14: a second coordinate system")));
-  for (const auto& same : {notes(creo(5), creo(5)), notes(catia(5), catia(5)), notes(creo(5), "$$ 1 2 3\n")})
-    EXPECT_THAT(same, testing::Not(Contains(HasSubstr("second coordinate system"))));
+  EXPECT_EQ(read(creo(0), creo(50)), "PO105:10");
+  EXPECT_EQ(read(catia(0), catia(50)), "PO105:14");
+  EXPECT_EQ(read(creo(5), creo(5)), "");
+  EXPECT_EQ(read(catia(5), catia(5)), "");
+  EXPECT_EQ(read(creo(5), "$$ 1 2 3\n"), "");
+}
+
+/// NX drills with a retract of its own behind each hole.
+TEST(Cl, ACycleRetractsToItsOwnHeight) {
+  const post::Path path = read(
+      "UNITS/MM\nRAPID\nGOTO/0,0,20\nSELECT/TOOL,2\nCYCLE/DRILL,RAPTO,3,FEDTO,-15,RTRCTO,10,MMPM,250\nGOTO/5,0,0\n"
+      "CYCLE/OFF\nFINI\n");
+  ASSERT_EQ(path.steps.size(), 4u);
+  const double heights[] = {20, 3, -15, 10};
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(path.steps[i].tip.z(), heights[i] * 1e-3, 1e-12);
+  EXPECT_EQ(path.steps[2].kind, StepKind::line);
+  EXPECT_EQ(path.steps[3].kind, StepKind::rapid);
+  EXPECT_EQ(id_of(post::parse_cl("UNITS/MM\nCYCLE/DRILL,RAPTO,3,FEDTO,-15,RTRCTO,1,MMPM,250\nGOTO/5,0,0\nFINI\n", "t")),
+            "PO105");
 }
 
 TEST(Cl, TellsItsFilesFromPrograms) {

@@ -106,7 +106,10 @@ void expect_reached(const SerialArm& arm, const Pose& base, const Read& point, c
   SerialArm to_root = arm;  // the rail alone
   to_root.dh.resize(1);
   to_root.X_FT = Pose{};
-  const Pose root_0 = machine::forward(to_root, JointVector::Zero(1));
+  // The base of the robot as its maker draws it: the twist before its first axis belongs to the rail.
+  const Pose twist{rotation_x(arm.dh[1].alpha), Vec3(arm.dh[1].a, 0, 0)};
+  const Pose root_0 = machine::forward(to_root, JointVector::Zero(1)) * twist;
+  EXPECT_LT(angle_between(root_0.R.col(2), Vec3::UnitZ()), 1e-12) << "it stands upright";
   const Pose root = machine::forward(to_root, JointVector::Constant(1, point.external));
   // The rows of the arm itself, the twist before its first axis being a part of the rail's frame.
   SerialArm robot = arm;
@@ -148,8 +151,10 @@ TEST(ExternalAxis, IsWrittenWithEveryPoint) {
     const post::PlannedMove& n = planned.plan.moves[i + 1];
     const Pose half{m.R * rotation_of(0.5 * rotation_vector(m.R.transpose() * n.R)),
                     planned.options.origin + 0.5 * (m.tip + n.tip)};
-    const auto between =
-        CarriedArm::on_external_axis(arm)->inverse_near(half, 0.5 * (m.external + n.external), m.joints);
+    const CarriedArm carried = *CarriedArm::on_external_axis(arm);
+    const double at = 0.5 * (m.external + n.external);
+    const auto between = carried.whole(
+        kinematics::inverse_near(machine::AnyMachine(carried.arm()), carried.seen(half, at), m.joints.tail(6)), at);
     ASSERT_NE(between.reachable(), nullptr);
     EXPECT_LT((between.reachable()->joints - 0.5 * (m.joints + n.joints)).cwiseAbs().maxCoeff(), 0.05);
   }

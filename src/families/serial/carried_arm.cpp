@@ -34,10 +34,16 @@ std::optional<CarriedArm> CarriedArm::on_external_axis(const SerialArm& arm) {
   constexpr std::size_t kJoints = 6;
   if (arm.dh.size() <= kJoints || arm.task != Task::pose) return std::nullopt;
   std::optional<CarriedArm> out = of(arm, arm.dh.size() - kJoints - 1);
-  if (!out || out->arm().free_joints() != static_cast<int>(kJoints) || !six_joint_inverse(out->arm()))
+  if (!out || out->arm().free_joints() != static_cast<int>(kJoints) || !has_six_joint_branches(out->arm()))
     return std::nullopt;
   if (!out->moves() && out->axis().kind != JointKind::prismatic) return std::nullopt;  // a part of the base
   return out;
+}
+
+Pose CarriedArm::root() const {
+  if (inner_.convention == DhConvention::standard) return inner_.X_MB;
+  const DhRow& next = inner_.dh.front();
+  return inner_.X_MB * Pose{rotation_x(next.alpha), Vec3(next.a, 0, 0)};
 }
 
 Pose CarriedArm::seen(const Pose& X_MT, double u) const {
@@ -58,14 +64,8 @@ kinematics::InverseResult CarriedArm::whole(kinematics::InverseResult found, dou
   return found;
 }
 
-kinematics::InverseResult CarriedArm::inverse(const Pose& X_MT, double u) const {
-  return whole(machine::inverse(inner_, seen(X_MT, u)), u);
-}
-
-kinematics::InverseResult CarriedArm::inverse_near(const Pose& X_MT, double u,
-                                                   const kinematics::JointVector& last) const {
-  const kinematics::JointVector behind = moves() ? kinematics::JointVector(last.tail(last.size() - 1)) : last;
-  return whole(machine::inverse_near(inner_, seen(X_MT, u), behind), u);
+kinematics::JointVector CarriedArm::behind(const kinematics::JointVector& q) const {
+  return moves() ? kinematics::JointVector(q.tail(q.size() - 1)) : q;
 }
 
 }  // namespace polypod::machine

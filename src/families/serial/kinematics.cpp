@@ -493,6 +493,11 @@ std::optional<SixJointInverse> six_joint_inverse(const SerialArm& arm) {
   return closed_inverse(arm).six;
 }
 
+bool has_six_joint_branches(const SerialArm& arm) {
+  const ClosedInverse& closed = closed_inverse(arm);
+  return closed.six || (closed.coupled && closed.coupled->without().six);
+}
+
 bool reaches(const SerialArm& arm, const Pose& X_MT, LimitBits heeded) {
   if (has_closed_inverse(arm)) return inverse(arm, X_MT).keeps(heeded);
   const std::optional<RedundantInverse>& redundant = redundant_inverse(arm);

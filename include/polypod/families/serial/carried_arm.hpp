@@ -21,6 +21,9 @@ class CarriedArm {
 
   /// The arm that is carried, where its base is at u = 0.
   [[nodiscard]] const SerialArm& arm() const { return inner_; }
+  /// The base of that arm as its maker draws it, where u = 0: the frame behind the axis, in a modified table with the
+  /// twist and the shift that stand in the row behind it, so that z is along the first joint's axis.
+  [[nodiscard]] Pose root() const;
   [[nodiscard]] const DhRow& axis() const { return row_; }
   [[nodiscard]] JointRange range() const { return row_.range; }
   /// Whether the axis moves; a locked one is none of the joints.
@@ -28,15 +31,13 @@ class CarriedArm {
   /// X_k(0) X_k(u)^-1 X_MT.
   [[nodiscard]] Pose seen(const Pose& X_MT, double u) const;
 
-  /// The solutions with the axis at u (rad or m), as joints and limits of the whole arm: inverse, and inverse_near the
-  /// joints `last` of the whole arm. Branches are those of the arm that is carried. Cost: that of its inverse.
-  [[nodiscard]] kinematics::InverseResult inverse(const Pose& X_MT, double u) const;
-  [[nodiscard]] kinematics::InverseResult inverse_near(const Pose& X_MT, double u,
-                                                       const kinematics::JointVector& last) const;
+  /// Solutions of the arm that is carried for seen(X_MT, u) as joints and limits of the whole arm with the axis at u;
+  /// branches stay.
+  [[nodiscard]] kinematics::InverseResult whole(kinematics::InverseResult found, double u) const;
+  /// Joints of the whole arm without that of the axis.
+  [[nodiscard]] kinematics::JointVector behind(const kinematics::JointVector& q) const;
 
  private:
-  [[nodiscard]] kinematics::InverseResult whole(kinematics::InverseResult found, double u) const;
-
   SerialArm inner_;
   DhRow row_;
   Vec3 axis_, point_;  ///< of the screw that the joint is, in M

@@ -18,5 +18,8 @@ using SixJointInverse = std::variant<SphericalWristInverse, ThreeParallelInverse
 /// The first of them, in this order, that the arm's axes have: the forms with named postures before the one with
 /// numbered ones. Nothing if the arm has none. That of this thread's last arm is at hand.
 std::optional<SixJointInverse> six_joint_inverse(const SerialArm& arm);
+/// Whether an arm of six joints has one of them, or would have one if its joints were not coupled: then inverse() has
+/// their branches.
+bool has_six_joint_branches(const SerialArm& arm);
 
 }  // namespace polypod::machine
