@@ -241,29 +241,16 @@ class Comparison {
     return judge_with_errors(named, way, out);
   }
 
-  /// The largest distance of a deflected point of a cut with what the robot's own errors do to it.
+  /// The same with what the robot's own errors do to every point.
   Status judge_with_errors(const gcode::Program& named, const Way& way, MethodOutcome& out) {
     if (!job_.robot_errors.any()) return {};
-    RobotErrorsOnWay errors(job_);
-    cutting::Stock stock = job_.stock;
-    PassOptions options;
-    options.bend = Bend::equilibrium;
-    options.step = job_.step;
+    RobotErrorsOnWay errors(job_, RobotErrorsOnWay::Play::as_it_is);
+    PredictOptions options;
+    options.step = std::min(job_.step, kCheckStep);
     options.progress = progress("judging with the robot's errors");
-    double largest = 0;
-    const auto visit = [&](const Sample& sample) {
-      const Vec3 besides = errors.at(sample);
-      const auto c = static_cast<std::size_t>(sample.move);
-      if (!sample.cutting || (!way.moves.empty() && way.moves[c].transition)) return;
-      const gcode::Move& meant = (*way.programmed)[way.source_of(c)];
-      const Vec3 at = sample.bent() + besides;
-      const Vec3 off = to_correct(meant, at - meant.point(meant.nearest(at)), job_.tool_frame.axis());
-      largest = std::max(largest, off.norm());
-    };
-    POLYPOD_ASSIGN(pass, run_pass(job_, named, way.commanded(), stock, options, visit));
-    (void)pass;
-    out.with_robot_errors = largest;
-    out.inside = out.inside && largest <= job_.tolerance - resolution(job_);
+    POLYPOD_ASSIGN(p, predict_way(job_, named, way, options, scratch_, [&](const Sample& s) { return errors.at(s); }));
+    out.with_robot_errors = p.largest_distance;
+    out.inside = out.inside && p.largest_distance <= job_.tolerance - resolution(job_);
     return {};
   }
 
@@ -320,7 +307,7 @@ class Comparison {
     DensePath path(job_, program_, interpretation_);
     const auto begin = Clock::now();
     const Bend bend = method == Method::comet ? Bend::at_rest : Bend::equilibrium;
-    RobotErrorsOnWay errors(job_);
+    RobotErrorsOnWay errors(job_, RobotErrorsOnWay::Play::taken_up);
     const bool besides = method == Method::comet && job_.robot_errors.any();
     POLYPOD_TRY(path.find(besides ? &errors : nullptr, bend, step, progress("finding points")));
     out.rounds = 1;

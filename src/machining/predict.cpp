@@ -27,6 +27,7 @@
 #include "polypod/machining/confidence.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "polypod/statics/rigid.hpp"
 #include "polypod/statics/under_load.hpp"
 #include "side.hpp"
 #include "way.hpp"
@@ -452,26 +453,6 @@ std::optional<std::string> note_on_air(const LongVector<gcode::Move>& programmed
 
 }  // namespace
 
-namespace {
-/// The parts without a compliance where others of their name have one ("joint 1" where "joint 2" has); "" where there
-/// are none.
-std::string rigid_parts(const machine::AnyMachine& machine) {
-  const std::vector<std::string> names = statics::column_names(machine);
-  const std::vector<double> compliances = statics::column_compliances(machine);
-  const auto kind = [&](std::size_t i) { return names[i].substr(0, names[i].rfind(' ')); };
-  std::string out;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    if (compliances[i] > 0) continue;
-    for (std::size_t j = 0; j < names.size(); ++j) {
-      if (!(compliances[j] > 0) || kind(i) != kind(j)) continue;
-      out += (out.empty() ? "" : ", ") + names[i];
-      break;
-    }
-  }
-  return out;
-}
-}  // namespace
-
 std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode::Move>& programmed,
                                          const Prediction& prediction) {
   std::vector<std::string> notes;
@@ -481,8 +462,8 @@ std::vector<std::string> condition_notes(const Job& job, const LongVector<gcode:
   if (auto tools = note_on_one_tip(programmed)) notes.push_back(std::move(*tools));
   if (machine::limits_are_assumed(job.machine))
     notes.push_back(fmt::format("limits of the joints are not judged: {}", machine::kAssumedLimits));
-  if (const std::string rigid = rigid_parts(job.machine); !job.measured && !rigid.empty())
-    notes.push_back(fmt::format("without a compliance in the machine file, so counted as rigid: {}", rigid));
+  if (std::string rigid = statics::rigid_parts_in_words(job.machine); !job.measured && !rigid.empty())
+    notes.push_back(std::move(rigid));
   if (job.factors.force != 1 || job.factors.compliance != 1) {
     notes.push_back(
         fmt::format("forces are {:.3g} times those of the material, compliances {:.3g} times those of the "
@@ -722,7 +703,8 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
 }
 
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
-                               const PredictOptions& options, cutting::Stock& scratch) {
+                               const PredictOptions& options, cutting::Stock& scratch,
+                               const std::function<Vec3(const Sample&)>& besides) {
   const LongVector<gcode::Move>& programmed = *way.programmed;
   const PassMoves commanded = way.commanded();
   Prediction out;
@@ -853,7 +835,14 @@ Result<Prediction> predict_way(const Job& job, const gcode::Program& program, co
   pass_options.bend = options.bend;
   pass_options.step = options.step > 0 ? options.step : job.step;
   pass_options.progress = options.progress;
-  InOrder<Sample> judge(visit);
+  InOrder<Sample> judge([&](const Sample& sample) {
+    if (!besides) return visit(sample);
+    Sample moved = sample;
+    const Vec3 by = besides(sample);
+    moved.deflection += by;
+    moved.without_chips += by;
+    visit(moved);
+  });
   auto passed = run_pass(job, program, commanded, scratch, pass_options, [&](const Sample& s) { judge.take(s); });
   judge.finish();
   POLYPOD_ASSIGN(pass, std::move(passed));

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "robot_errors.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <variant>
 
@@ -28,15 +29,15 @@ std::vector<double> drive_compliances(const machine::AnyMachine& machine) {
 
 }  // namespace
 
-RobotErrorsOnWay::RobotErrorsOnWay(const Job& job) : job_(job) {
+RobotErrorsOnWay::RobotErrorsOnWay(const Job& job, Play play) : job_(job), play_(play) {
   const auto joints = static_cast<std::size_t>(kinematics::joint_count(job.machine));
-  lag_.assign(joints, 0);
+  half_.assign(joints, 0);
   sense_.assign(joints, 0);
   const RobotErrors& errors = job.robot_errors;
   const std::vector<double> compliance = drive_compliances(job.machine);
   for (std::size_t i = 0; i < joints; ++i) {
-    if (!errors.backlash.empty()) lag_[i] += 0.5 * errors.backlash[i];
-    if (!errors.friction.empty()) lag_[i] += compliance[i] * errors.friction[i];
+    if (!errors.backlash.empty()) half_[i] += 0.5 * errors.backlash[i];
+    if (!errors.friction.empty()) half_[i] += compliance[i] * errors.friction[i];
   }
 }
 
@@ -45,14 +46,17 @@ Vec3 RobotErrorsOnWay::at(const Sample& sample) {
   const std::optional<machine::JointVector> q = joints_at(job_, X_MT, sample);
   if (!q) return Vec3::Zero();
   constexpr double kStill = 1e-12;  // rad or m: rounding of the inverse
-  machine::JointVector dq = machine::JointVector::Zero(q->size());
+  if (!joints_) joints_ = q;        // in the middle of its play
+  machine::JointVector dq(q->size());
   for (Eigen::Index i = 0; i < q->size(); ++i) {
     const auto at = static_cast<std::size_t>(i);
-    const double moved = last_ ? (*q)[i] - (*last_)[i] : 0;
+    const double drive = (*q)[i], moved = drives_ ? drive - (*drives_)[i] : 0;
     if (std::abs(moved) > kStill) sense_[at] = moved > 0 ? 1 : -1;
-    dq[i] = -sense_[at] * lag_[at];
+    double& joint = (*joints_)[i];
+    joint = std::clamp(joint, drive - half_[at], drive + half_[at]);
+    dq[i] = play_ == Play::taken_up ? -sense_[at] * half_[at] : joint - drive;
   }
-  last_ = q;
+  drives_ = q;
   const Pose X = kinematics::settled(job_.machine, X_MT, *q);
   Vec3 off = kinematics::jacobian(job_.machine, X, *q).topRows<3>() * dq;
   if (job_.robot_errors.signature) {

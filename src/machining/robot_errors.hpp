@@ -10,23 +10,28 @@
 
 namespace polypod::machining {
 
-/// Job::robot_errors along a way, sample after sample. With s_i = +1 or -1, the sense in which joint i moved last (0
-/// before it has), each joint lags by its half play and by what its friction winds up:
-///   dq_i = -s_i (backlash_i / 2 + c_i friction_i),   e = R_MW^T (J dq + p_signature(q) - p(q)),
-/// c_i the compliance of the joint, J the rows of position of the Jacobian, p and p_signature the tip of the machine
-/// and of the calibrated one at the same joints. Model: quasi-static, all play behind the drive's encoder.
+/// Job::robot_errors along a way, sample after sample:
+///   e = R_MW^T (J dq + p_signature(q) - p(q)),
+/// J the rows of position of the Jacobian, p and p_signature the tip of the machine and of the calibrated one at the
+/// joints q of the drives. Each joint stands anywhere within h_i = backlash_i / 2 + c_i friction_i of its drive, c_i
+/// its compliance. Model: quasi-static, all play behind the drive's encoder; the chips are those without e.
 class RobotErrorsOnWay {
  public:
-  explicit RobotErrorsOnWay(const Job& job);
+  enum class Play {
+    taken_up,  ///< dq_i = -s_i h_i, s_i the sense in which the joint moves: what a command must add to get it there
+    as_it_is   ///< dq_i of the play operator: the joint stays where it is until its drive has crossed the play
+  };
+  RobotErrorsOnWay(const Job& job, Play play);
   /// e of the next sample, in W, m; 0 where the pose is out of reach. Cost: one inverse and one Jacobian, 1 us and
   /// more.
   Vec3 at(const Sample& sample);
 
  private:
   const Job& job_;
-  std::vector<double> lag_;  // of each joint, rad or m
+  Play play_;
+  std::vector<double> half_;  // h of each joint, rad or m
   std::vector<int> sense_;
-  std::optional<machine::JointVector> last_;
+  std::optional<machine::JointVector> drives_, joints_;  // at the last sample
 };
 
 }  // namespace polypod::machining

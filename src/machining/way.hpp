@@ -46,9 +46,11 @@ Way way_as_programmed(const gcode::Program& program, const LongVector<gcode::Mov
 
 /// Sends the deflected cutter along `way.moves`, which are those of `program`, and judges it against the programmed
 /// moves: every point against its move, the first and the last point of a move against its ends. The stock of the job
-/// is cut in `scratch`, whose memory serves again in the next pass. Errors: those of run_pass.
+/// is cut in `scratch`, whose memory serves again in the next pass. `besides` is added to the deflection of each
+/// sample, asked for in their order, before it is judged. Errors: those of run_pass.
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
-                               const PredictOptions& options, cutting::Stock& scratch);
+                               const PredictOptions& options, cutting::Stock& scratch,
+                               const std::function<Vec3(const Sample&)>& besides = {});
 Result<Prediction> predict_way(const Job& job, const gcode::Program& program, const Way& way,
                                const PredictOptions& options);
 

@@ -363,7 +363,8 @@ TEST(Check, BeginsWithTheFreeJointWhereTheProgramGoesOn) {
       const auto fits = testing::unwrap(machining::check(m, X_MW, e.program, e.interpretation, options));
       EXPECT_TRUE(fits.ok) << fits.problems.front().detail;
       EXPECT_LT(fits.joints[3].max - fits.joints[3].min, units::from_deg(20));
-      EXPECT_THAT(fits.notes, ::testing::Contains(::testing::HasSubstr(fmt::format("joint 4 at {:.1f} deg", c))));
+      EXPECT_THAT(fits.notes, ::testing::Contains(::testing::HasSubstr(
+                                  fmt::format("joint 4 at {:.1f} deg", std::round(10 * c) / 10 + 0.0))));
       // From elsewhere it does not.
       options.start = {begins->joints.begin(), begins->joints.end()};
       options.start[3] = begins->joints[3] + (begins->joints[3] < 0 ? 1 : -1);
