@@ -10,6 +10,7 @@
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/quality/budget.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "polypod/statics/rigid.hpp"
 #include "survey_options.hpp"
 
 namespace polypod::app {
@@ -78,6 +79,7 @@ Command budget_command() {
               known.deflection = statics::compliance_at(m, here.X_MT).C * wrench;
             }
             POLYPOD_ASSIGN(b, quality::budget(m, here.X_MT, here.joints, known));
+            const std::string rigid = o->force.empty() ? std::string() : statics::rigid_parts_in_words(m);
             if (context.json) {
               Json rows = Json::array();
               for (const auto& row : b.rows) {
@@ -94,6 +96,7 @@ Command budget_command() {
                                {"accuracy_rss_orientation_rad", b.accuracy_rss_orientation},
                                {"repeatability_um", units::to_um(b.repeatability)},
                                {"repeatability_orientation_rad", b.repeatability_orientation}});
+              if (!rigid.empty()) document["notes"] = {rigid};
               print_json(singular.in(document));
               return kDone;
             }
@@ -114,6 +117,7 @@ Command budget_command() {
                        mrad(b.accuracy_rss_orientation));
             fmt::print("repeatability (3 sigma)          {:>10} um {:>10} mrad\n", um(b.repeatability),
                        mrad(b.repeatability_orientation));
+            if (!rigid.empty()) fmt::print("note: {}\n", rigid);
             return kDone;
           }};
 }

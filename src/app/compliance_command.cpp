@@ -8,6 +8,7 @@
 #include "messages.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/statics/compliance.hpp"
+#include "polypod/statics/rigid.hpp"
 #include "polypod/statics/rounding.hpp"
 #include "survey_options.hpp"
 
@@ -98,6 +99,7 @@ Command compliance_command() {
                            {"moment_Nm", vector_json(moment)},
                            {"displacement_um", vector_json(moved_by(c.C))},
                            {"rotation_mrad", vector_json(turned_by(c.C))}});
+          if (std::string rigid = statics::rigid_parts_in_words(m); !rigid.empty()) document["notes"] = {rigid};
           if (masses.dynamics) {
             document["weight"] = {{"displacement_um", vector_json(by_weight.head<3>() * units::kUmPerMetre)},
                                   {"rotation_mrad", vector_json(by_weight.tail<3>() * units::kMradPerRad)},
@@ -137,6 +139,8 @@ Command compliance_command() {
           fmt::print("\ndisplacement under {}: {} um\n", under, vector(moved_by(c.C), 1));
           if (!o->moment.empty()) fmt::print("rotation under {}: {} mrad\n", under, vector(turned_by(c.C), 4));
         }
+        if (const std::string rigid = statics::rigid_parts_in_words(m); !rigid.empty())
+          fmt::print("\nnote: {}\n", rigid);
         if (masses.dynamics) {
           fmt::print("\n{}\ndisplacement by the weight of the machine, which is there without a load: {} um\n",
                      in_words(*masses.dynamics), vector(by_weight.head<3>() * units::kUmPerMetre, 1));
