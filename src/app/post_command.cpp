@@ -305,6 +305,10 @@ Status set_external(const std::string& said, const post::Configuration& configur
     p.external = said == "follows" ? post::External::linear : post::External::chosen;
     return {};
   }
+  if (said.find_first_not_of("0123456789.+-eE") != std::string::npos) {
+    return fail("PO130", fmt::format("--external-axis {}: neither free, nor follows, nor a number", said), {},
+                "give free, follows, or where the axis stands, in mm or deg");
+  }
   const bool turns = axis->axis().kind == machine::JointKind::revolute;
   const machine::JointRange range = axis->range();
   const auto user = [turns](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };

@@ -10,6 +10,8 @@
 namespace polypod::gcode {
 
 Engine::Engine(const Program& program, EngineOptions options) : options_(std::move(options)) {
+  // LinuxCNC takes the first place of its table for the spindle's, whatever lies there.
+  told_pocket_ = options_.tools.empty() ? -1 : options_.tools.front().pocket;
   parameters_.assign(static_cast<std::size_t>(kLastParameter) + 1, 0);
   told_.assign(parameters_.size(), false);
   for (const auto& [index, value] : options_.parameters) {

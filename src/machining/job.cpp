@@ -169,18 +169,15 @@ Result<std::vector<double>> by_joint(const config::Table& table, const std::stri
   return out;
 }
 
+constexpr config::Range kRobotError{0, 1e5};  // deg or mm, Nm or N
+
 /// [robot_errors]: for `compare`.
 Status read_robot_errors(const config::Table& table, Job& job) {
   POLYPOD_ASSIGN(errors, table.optional_table("robot_errors"));
   if (!errors) return {};
   for (const char* key : {"backlash", "friction_Nm"}) {
     if (!errors->has(key)) continue;
-    POLYPOD_ASSIGN(values, errors->numbers(key, static_cast<std::size_t>(kinematics::joint_count(job.machine))));
-    for (const double value : values) {
-      if (value >= 0) continue;
-      return fail("MC401", fmt::format("{}: {:g} is below 0", key, value), errors->place_of(key),
-                  "give one number a joint that moves, 0 where there is none");
-    }
+    POLYPOD_TRY(errors->numbers(key, static_cast<std::size_t>(kinematics::joint_count(job.machine)), kRobotError));
   }
   POLYPOD_ASSIGN(backlash, by_joint(*errors, "backlash", job.machine, false));
   job.robot_errors.backlash = std::move(backlash);
@@ -190,6 +187,10 @@ Status read_robot_errors(const config::Table& table, Job& job) {
   }
   POLYPOD_ASSIGN(name, errors->optional_text("signature", ""));
   POLYPOD_TRY(errors->finish());
+  if (name.empty() && !job.robot_errors.any()) {
+    return fail("MC401", "[robot_errors] says nothing", errors->place(),
+                "give backlash, friction_Nm or signature, or leave the table out");
+  }
   if (name.empty()) return {};
   POLYPOD_ASSIGN(signature, machine::load(config::beside(job.path, name)));
   if (kinematics::joint_count(signature) != kinematics::joint_count(job.machine)) {
