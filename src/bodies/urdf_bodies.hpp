@@ -25,7 +25,7 @@ struct UrdfBody {
   Place place;
 };
 /// Those of the links of the chain of machine::arm_from_urdf, and of what fixed joints join to them: for each link its
-/// <collision> elements, else its <visual> ones. Errors: those of arm_from_urdf; MA192 (a geometry or a number of it
+/// collision elements, else its visual ones. Errors: those of arm_from_urdf; MA192 (a geometry or a number of it
 /// that is none).
 Result<std::vector<UrdfBody>> bodies_from_urdf(std::string_view text, const std::string& name);
 

@@ -136,7 +136,8 @@ class States {
     const double width = range.max - range.min;
     if (values_.beside_places != nullptr) {
       const double step = width / (kPlaces - 1) / kFinerBy;
-      return std::clamp((*values_.beside_places)[n] + step * (column - values_.places / 2), range.min, range.max);
+      const int off = column - values_.places / 2;
+      return std::clamp((*values_.beside_places)[n] + step * off, range.min, range.max);
     }
     return values_.places < 2 ? range.min : range.min + width * column / (values_.places - 1);
   }

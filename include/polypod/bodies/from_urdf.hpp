@@ -18,7 +18,7 @@ struct BodiesFile {
 };
 
 /// The bodies of the links of the chain of machine::arm_from_urdf, and of what fixed joints join to them: for each link
-/// its <collision> elements, else its <visual> ones, for a file `output`, beside which meshes are named.
+/// its collision elements, else its visual ones, for a file `output`, beside which meshes are named.
 /// `package://NAME/PATH` is looked for beside the URDF file and in the folders above it: NAME/PATH there, or PATH where
 /// the folder is called NAME.
 /// Errors: those of arm_from_urdf; MA192 (a geometry or a number of it that is none); BO120 (no body can be written,
