@@ -11,18 +11,19 @@
 namespace polypod::machine {
 
 class CoupledInverse;
+class ScaraInverse;
 
 /// At most one of them.
 struct ClosedInverse {
   std::optional<WristInverse> five;
   std::optional<SixJointInverse> six;
   std::optional<CartesianInverse> cartesian;
+  std::shared_ptr<const ScaraInverse> scara;
   std::shared_ptr<const CoupledInverse> coupled;
 
   static ClosedInverse of(const SerialArm& arm);
-  [[nodiscard]] bool exists() const { return five || six || cartesian || coupled; }
-  /// All solutions, those with six joints, coupled ones and of heads on linear axes seen from `reference`, if there is
-  /// one.
+  [[nodiscard]] bool exists() const { return five || six || cartesian || scara || coupled; }
+  /// All solutions; of all forms but `five` seen from `reference`, if there is one.
   [[nodiscard]] kinematics::InverseResult solve(const Pose& X_MT, const double* reference = nullptr) const;
 };
 

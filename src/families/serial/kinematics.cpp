@@ -12,6 +12,7 @@
 #include "polypod/geometry/trigonometry.hpp"
 #include "polypod/kinematics/closure.hpp"
 #include "redundant.hpp"
+#include "scara.hpp"
 #include "six_joints.hpp"
 
 namespace polypod::machine {
@@ -476,6 +477,8 @@ ClosedInverse ClosedInverse::of(const SerialArm& arm) {
     out.five = *five;
   } else if (const auto cartesian = CartesianInverse::of(arm)) {
     out.cartesian = *cartesian;
+  } else if (const auto scara = ScaraInverse::of(arm)) {
+    out.scara = std::make_shared<const ScaraInverse>(*scara);
   } else if (auto coupled = CoupledInverse::of(arm)) {
     out.coupled = std::make_shared<const CoupledInverse>(std::move(*coupled));
   }
@@ -484,6 +487,7 @@ ClosedInverse ClosedInverse::of(const SerialArm& arm) {
 
 InverseResult ClosedInverse::solve(const Pose& X_MT, const double* reference) const {
   if (coupled) return coupled->solve(X_MT, reference);
+  if (scara) return scara->solve(X_MT, reference);
   if (six) return std::visit([&](const auto& form) { return form.solve(X_MT, reference); }, *six);
   if (cartesian) return cartesian->solve(X_MT, reference);
   return all_of(*five, X_MT);
@@ -535,6 +539,7 @@ std::string branch_name(const SerialArm& arm, unsigned branch) {
   const ClosedInverse& named = own.exists() || !redundant ? own : redundant->closed();
   const ClosedInverse& closed = named.coupled ? named.coupled->without() : named;
   if (closed.cartesian) return CartesianInverse::branch_name(branch);
+  if (closed.scara) return ScaraInverse::branch_name(branch);
   const std::optional<SixJointInverse>& six = closed.six;
   const bool numbered = six && std::holds_alternative<PieperInverse>(*six);
   return numbered ? fmt::format("arm-{}{}", branch / 2 + 1, branch % 2 == 0 ? "" : " wrist-flipped") : kNames[branch];
@@ -623,6 +628,9 @@ std::function<std::optional<JointVector>(const Pose&)> joint_finder(const Serial
   };
   if (closed.cartesian) {
     return [form = *closed.cartesian, first_of](const Pose& X_MT) { return first_of(form.solve(X_MT)); };
+  }
+  if (closed.scara) {
+    return [form = closed.scara, first_of](const Pose& X_MT) { return first_of(form->solve(X_MT)); };
   }
   if (closed.coupled) {
     return [form = closed.coupled, first_of](const Pose& X_MT) { return first_of(form->solve(X_MT)); };

@@ -159,7 +159,7 @@ Eigen::Matrix<double, 6, Eigen::Dynamic> parameter_columns(const SerialArm& arm,
 ///   solution marked singular;
 /// - six free joints and a spherical wrist, axes 2 and 3 parallel and square to axis 1: SphericalWristInverse;
 /// - six free joints, axes 2, 3 and 4 parallel and square to axis 1, axes 5 and 6 meeting: ThreeParallelInverse;
-/// - six free joints and a spherical wrist, any other first three axes: PieperInverse; linear axes: CartesianInverse.
+/// - a spherical wrist behind any other first three axes: PieperInverse; linear axes: CartesianInverse; ScaraInverse.
 /// Of joints that are coupled, that of the arm without coupling, from whose joints theirs follow one after the other.
 /// One freedom more over such a form (names_branches): one solution a branch; other arms: inverse_damped. All joints
 /// are in the turn within their ranges (of several, that in (-180, 180] deg); inverse_near chooses between several
