@@ -240,7 +240,7 @@ Result<Survey> survey(const AnyMachine& machine, const SurveyOptions& options) {
     out.grid = grid;
     if (!task.places()) out.box = {box.low, box.high};
   }
-  POLYPOD_ASSIGN(inside, workspace::points_inside(machine, options.workspace, out.grid));
+  POLYPOD_ASSIGN(inside, workspace::points_inside(machine, options.workspace, out.grid, options.box.has_value()));
   out.inside = std::move(inside.points);
   out.whole_box = !options.box || out.inside.size() == out.grid.size();
   if (out.inside.empty()) {

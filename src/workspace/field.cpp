@@ -255,7 +255,12 @@ Result<Extent> extent(const AnyMachine& machine, const Options& options, bool up
   return out.empty() ? upright : Extent{out.low.cwiseMin(upright.low), out.high.cwiseMax(upright.high)};
 }
 
-Result<InsidePoints> points_inside(const AnyMachine& machine, const Options& options, const Grid& grid) {
+Result<InsidePoints> points_inside(const AnyMachine& machine, const Options& options, const Grid& grid,
+                                   bool points_alone) {
+  // So few are sooner judged one by one than by the bounds of the whole workspace; what is proven of a cone of
+  // directions no sample of it says.
+  constexpr std::size_t kFew = 2000;
+  const bool one_by_one = points_alone && grid.size() <= kFew && sampled_orientations(options.directions).size() == 1;
   POLYPOD_ASSIGN(judge, judge_of(machine, options, {}));
   Options coarse = options;
   coarse.keep_cells = true;
@@ -267,7 +272,7 @@ Result<InsidePoints> points_inside(const AnyMachine& machine, const Options& opt
   v.upper = std::numeric_limits<double>::infinity();
   enum : std::uint8_t { kOut, kIn, kOpen };
   std::vector<std::uint8_t> state(grid.size(), kOpen);
-  if (has_bounds(machine)) {
+  if (has_bounds(machine) && !one_by_one) {
     POLYPOD_ASSIGN(proven, volume(machine, coarse));
     v = std::move(proven);
     std::fill(state.begin(), state.end(), kOut);
