@@ -115,9 +115,9 @@ struct InsidePoints {
   double lower = 0, upper = 0;
 };
 /// The points of the grid that belong to the workspace: proven where a run of volume() to 2 % or 100 000 boxes settles
-/// them, by the margin of field() in the boxes that remain on the boundary. With `points_alone`, where the volume is not
-/// asked for, up to 2000 points of one direction are judged by their margin alone. Errors: those of volume(). Cost: 0.1
-/// to 2 s, of machines whose coordinates follow some minutes, and 15 us a point near the boundary.
+/// them, by the margin of field() in the boxes that remain on the boundary. With `points_alone`, where the volume is
+/// not asked for, up to 2000 points of one direction are judged by their margin alone. Errors: those of volume(). Cost:
+/// 0.1 to 2 s, of machines whose coordinates follow some minutes, and 15 us a point near the boundary.
 Result<InsidePoints> points_inside(const AnyMachine& machine, const Options& options, const Grid& grid,
                                    bool points_alone = false);
 
