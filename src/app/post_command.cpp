@@ -285,15 +285,13 @@ Result<std::vector<double>> by_joint(const std::string& text, const std::string&
 
 /// Whether the machine has one that moves.
 bool has_external_axis(const post::Configuration& configuration) {
-  const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
-  const auto axis = arm != nullptr ? machine::CarriedArm::on_external_axis(*arm) : std::nullopt;
+  const auto axis = machine::CarriedArm::on_external_axis(configuration.machine);
   return axis && axis->moves();
 }
 
 /// What the robot's controller is told of an external axis.
 Status set_external(const std::string& said, const post::Configuration& configuration, post::PlanOptions& p) {
-  const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
-  const auto axis = arm != nullptr ? machine::CarriedArm::on_external_axis(*arm) : std::nullopt;
+  const auto axis = machine::CarriedArm::on_external_axis(configuration.machine);
   if (!axis || !axis->moves()) {
     if (said.empty()) return {};
     return fail("PO130",

@@ -52,9 +52,8 @@ std::vector<std::string> branches_of(const machine::AnyMachine& machine) {
 
 /// That of the machine, where the options do not leave it to the inverse.
 std::optional<machine::CarriedArm> external_axis(const machine::AnyMachine& machine, const PlanOptions& options) {
-  const auto* arm = std::get_if<machine::SerialArm>(&machine);
-  if (arm == nullptr || options.external == External::follows) return std::nullopt;
-  return machine::CarriedArm::on_external_axis(*arm);
+  if (options.external == External::follows) return std::nullopt;
+  return machine::CarriedArm::on_external_axis(machine);
 }
 
 bool is_a_branch(const machine::AnyMachine& machine, const std::string& name) {
@@ -692,8 +691,7 @@ tl::unexpected<Error> cancelled() {
 
 /// So many places of the external axis, from the middle of its range outwards.
 std::vector<double> places_to_stand(const Configuration& configuration, int count) {
-  const machine::JointRange range =
-      machine::CarriedArm::on_external_axis(std::get<machine::SerialArm>(configuration.machine))->range();
+  const machine::JointRange range = machine::CarriedArm::on_external_axis(configuration.machine)->range();
   std::vector<double> out;
   for (int k = 0; k < count; ++k) {
     const int from_middle = (k % 2 == 0 ? 1 : -1) * ((k + 1) / 2);
@@ -827,7 +825,7 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
   }
   PlanOptions asked = options;
   const auto* arm = std::get_if<machine::SerialArm>(&configuration.machine);
-  const auto axis = arm != nullptr ? machine::CarriedArm::on_external_axis(*arm) : std::nullopt;
+  const auto axis = machine::CarriedArm::on_external_axis(configuration.machine);
   if (!axis) {
     asked.external = External::follows;
   } else if (!axis->moves()) {

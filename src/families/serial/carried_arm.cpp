@@ -2,6 +2,7 @@
 #include "polypod/families/serial/carried_arm.hpp"
 
 #include <algorithm>
+#include <variant>
 
 #include "polypod/families/serial/frames.hpp"
 #include "polypod/families/serial/six_joint_inverse.hpp"
@@ -38,6 +39,11 @@ std::optional<CarriedArm> CarriedArm::on_external_axis(const SerialArm& arm) {
     return std::nullopt;
   if (!out->moves() && out->axis().kind != JointKind::prismatic) return std::nullopt;  // a part of the base
   return out;
+}
+
+std::optional<CarriedArm> CarriedArm::on_external_axis(const AnyMachine& machine) {
+  const auto* arm = std::get_if<SerialArm>(&machine);
+  return arm != nullptr ? on_external_axis(*arm) : std::nullopt;
 }
 
 Pose CarriedArm::root() const {

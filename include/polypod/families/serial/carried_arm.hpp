@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "polypod/families/serial/kinematics.hpp"
+#include "polypod/machine/any_machine.hpp"
 
 namespace polypod::machine {
 
@@ -18,6 +19,8 @@ class CarriedArm {
   /// The external axis of a robot (E1, eax_a): the row before the last six, if these are six joints with a closed
   /// inverse and the rows before it are locked. It moves, or is a rail that is locked.
   static std::optional<CarriedArm> on_external_axis(const SerialArm& arm);
+  /// The same of any machine; other families have none.
+  static std::optional<CarriedArm> on_external_axis(const AnyMachine& machine);
 
   /// The arm that is carried, where its base is at u = 0.
   [[nodiscard]] const SerialArm& arm() const { return inner_; }
