@@ -431,7 +431,9 @@ Choice choose(const Configuration& configuration, const Path& path, const PlanOp
     size.points = rungs.size();
     size.rungs = values.turns;
     size.around = values.beside_c == nullptr;
-    if (size.around) size.farthest = static_cast<int>(std::lround(kFarthestTurn / kTurn * values.turns));
+    size.farthest =
+        size.around ? static_cast<int>(std::lround(kFarthestTurn / kTurn * values.turns)) : kFinerBy;  // beside the way
+    if (values.beside_places != nullptr) size.farthest_column = kFinerBy;
     size.columns = values.places;
     constexpr std::size_t kReport = 64;
     const LadderWay way = cheapest_way(
