@@ -82,7 +82,6 @@ class BodyReader {
   }
 
   Status read_one(int at, UrdfBody& body) const {
-    body.place = place_of(element(at));
     for (const int origin : below(at, "origin")) {
       POLYPOD_ASSIGN(xyz, three(element(origin), "xyz"));
       POLYPOD_ASSIGN(rpy, three(element(origin), "rpy"));

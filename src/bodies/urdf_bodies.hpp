@@ -22,7 +22,6 @@ struct UrdfBody {
   Vec3 size = Vec3::Zero();  ///< m: edges of a box; radius and length
   std::string file;          ///< of a mesh, as written
   Vec3 scale = Vec3::Ones();
-  Place place;
 };
 /// Those of the links of the chain of machine::arm_from_urdf, and of what fixed joints join to them: for each link its
 /// collision elements, else its visual ones. Errors: those of arm_from_urdf; MA192 (a geometry or a number of it

@@ -250,6 +250,11 @@ class Comparison {
     options.progress = progress("judging with the robot's errors");
     POLYPOD_ASSIGN(p, predict_way(job_, named, way, options, scratch_, [&](const Sample& s) { return errors.at(s); }));
     out.with_robot_errors = p.largest_distance;
+    if (!errors.all_known()) {
+      out.judged = false;
+      out.notes.emplace_back(
+          "the robot's errors are not known at every point: joints or signature file have no pose there");
+    }
     out.inside = out.inside && p.largest_distance <= job_.tolerance - resolution(job_);
     return {};
   }
@@ -396,6 +401,10 @@ Result<std::vector<MethodOutcome>> compare_methods(const Job& job, const gcode::
   POLYPOD_ASSIGN(accepted, accept(job, program, interpretation, {options.again, progress}));
   POLYPOD_ASSIGN(out, Comparison(job, program, accepted, options).run());
   for (std::string& note : accepted.notes) out.front().notes.push_back(std::move(note));
+  if (std::string friction = friction_without_effect(job); !friction.empty()) {
+    for (MethodOutcome& m : out) m.judged = false;
+    out.front().notes.push_back(std::move(friction));
+  }
   return out;
 }
 

@@ -1,11 +1,14 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "robot_errors.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <variant>
 
 #include "../families/all_masses.hpp"
+#include "polypod/core/text.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/forward_near.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -44,7 +47,10 @@ RobotErrorsOnWay::RobotErrorsOnWay(const Job& job, Play play) : job_(job), play_
 Vec3 RobotErrorsOnWay::at(const Sample& sample) {
   const Pose X_MT{cutting_orientation(job_, sample.axes), job_.X_MW * sample.command};
   const std::optional<machine::JointVector> q = joints_at(job_, X_MT, sample);
-  if (!q) return Vec3::Zero();
+  if (!q) {
+    all_known_ = false;
+    return Vec3::Zero();
+  }
   constexpr double kStill = 1e-12;  // rad or m: rounding of the inverse
   if (!joints_) joints_ = q;        // in the middle of its play
   machine::JointVector dq(q->size());
@@ -61,9 +67,21 @@ Vec3 RobotErrorsOnWay::at(const Sample& sample) {
   Vec3 off = kinematics::jacobian(job_.machine, X, *q).topRows<3>() * dq;
   if (job_.robot_errors.signature) {
     const auto real = kinematics::forward_near(*job_.robot_errors.signature, *q, X);
+    all_known_ = all_known_ && !real.poses.empty();
     if (!real.poses.empty()) off += real.poses.front().p - X.p;
   }
   return job_.X_MW.R.transpose() * off;
+}
+
+std::string friction_without_effect(const Job& job) {
+  const std::vector<double>& friction = job.robot_errors.friction;
+  const std::vector<double> compliance = drive_compliances(job.machine);
+  std::vector<std::string> joints;
+  for (std::size_t i = 0; i < friction.size(); ++i)
+    if (friction[i] > 0 && !(compliance[i] > 0)) joints.push_back(fmt::format("{}", i + 1));
+  if (joints.empty()) return {};
+  return fmt::format("the friction of joint{} {} is not counted: the machine file gives no compliance there",
+                     joints.size() == 1 ? "" : "s", listed(joints));
 }
 
 }  // namespace polypod::machining

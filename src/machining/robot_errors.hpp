@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "polypod/machining/job.hpp"
@@ -22,9 +23,11 @@ class RobotErrorsOnWay {
     as_it_is   ///< dq_i of the play operator: the joint stays where it is until its drive has crossed the play
   };
   RobotErrorsOnWay(const Job& job, Play play);
-  /// e of the next sample, in W, m; 0 where the pose is out of reach. Cost: one inverse and one Jacobian, 1 us and
-  /// more.
+  /// e of the next sample, in W, m; 0 of what is not known there (all_known). Cost: one inverse and one Jacobian, 1 us
+  /// and more.
   Vec3 at(const Sample& sample);
+  /// Whether every sample so far had joints, and a pose of the signature's machine at them.
+  [[nodiscard]] bool all_known() const { return all_known_; }
 
  private:
   const Job& job_;
@@ -32,6 +35,11 @@ class RobotErrorsOnWay {
   std::vector<double> half_;  // h of each joint, rad or m
   std::vector<int> sense_;
   std::optional<machine::JointVector> drives_, joints_;  // at the last sample
+  bool all_known_ = true;
 };
+
+/// The joints whose friction does nothing, because the machine file gives them no compliance, in a sentence; "" for
+/// none.
+std::string friction_without_effect(const Job& job);
 
 }  // namespace polypod::machining

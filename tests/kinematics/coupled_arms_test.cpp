@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 
+#include "joints.hpp"
 #include "machines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/serial/kinematics.hpp"
@@ -63,22 +64,12 @@ JointVector uncoupled(const Coupled& c, JointVector q) {
   return q;
 }
 
-JointVector somewhere(const SerialArm& arm, std::mt19937& random) {
-  std::uniform_real_distribution<double> unit(0.02, 0.98);
-  JointVector q(arm.free_joints());
-  for (int i = 0; i < arm.free_joints(); ++i) {
-    const machine::JointRange r = joint_range(arm, i);
-    q[i] = r.min + unit(random) * (r.max - r.min);
-  }
-  return q;
-}
-
 TEST(CoupledArms, StandAsTheirJointsSay) {
   std::mt19937 random(2);
   for (const Coupled& c : arms()) {
     SCOPED_TRACE(c.name);
     for (int trial = 0; trial < 50; ++trial) {
-      const JointVector q = somewhere(c.arm, random);
+      const JointVector q = test::within_limits(c.arm, random);
       const Pose X = machine::forward(c.arm, q);
       EXPECT_LT(test::difference(X, machine::forward(without(c.arm), uncoupled(c, q))), 1e-12);
       // The chain on any number type, and the Jacobian by central differences.
@@ -106,7 +97,7 @@ TEST(CoupledArms, EveryBranchIsFoundWithinTheLimitsOfTheirOwnJoints) {
     SCOPED_TRACE(c.name);
     const machine::AnyMachine m{c.arm};
     for (int trial = 0; trial < 200; ++trial) {
-      const JointVector q = somewhere(c.arm, random);
+      const JointVector q = test::within_limits(c.arm, random);
       const Pose X = machine::forward(c.arm, q);
       const auto inverse = kinematics::inverse(m, X);
       ASSERT_NE(inverse.reachable(), nullptr) << q.transpose();
@@ -147,7 +138,7 @@ TEST(CoupledArms, AreWrittenAndReadBack) {
   for (const Coupled& c : arms()) {
     const SerialArm again = test::arm_of(machine::to_toml(c.arm));
     std::mt19937 random(9);
-    const JointVector q = somewhere(c.arm, random);
+    const JointVector q = test::within_limits(c.arm, random);
     EXPECT_LT(test::difference(machine::forward(again, q), machine::forward(c.arm, q)), 1e-10);
     EXPECT_TRUE(again.is_coupled());
   }

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 
+#include "joints.hpp"
 #include "machines.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/serial/kinematics.hpp"
@@ -39,16 +40,6 @@ tool = { z_mm = 100, a_deg = 30 }
 limits = [ {min_mm=-900,max_mm=0}, {min_deg=-170,max_deg=170}, {min_deg=-150,max_deg=150}, {min_deg=-400,max_deg=400}, {min_deg=0,max_deg=20} ]
 )";
 
-JointVector somewhere(const SerialArm& arm, std::mt19937& random) {
-  std::uniform_real_distribution<double> unit(0.01, 0.99);
-  JointVector q(arm.free_joints());
-  for (int i = 0; i < arm.free_joints(); ++i) {
-    const machine::JointRange r = joint_range(arm, i);
-    q[i] = r.min + unit(random) * (r.max - r.min);
-  }
-  return q;
-}
-
 TEST(Scara, BothElbowsAreFoundWithTheirNames) {
   std::mt19937 random(6);
   for (const char* text : {kUsual, kColumn}) {
@@ -56,7 +47,7 @@ TEST(Scara, BothElbowsAreFoundWithTheirNames) {
     ASSERT_TRUE(machine::has_closed_inverse(arm));
     const machine::AnyMachine m{arm};
     for (int trial = 0; trial < 300; ++trial) {
-      const JointVector q = somewhere(arm, random);
+      const JointVector q = test::within_limits(arm, random);
       const Pose X = machine::forward(arm, q);
       // A pose of its task holds no tilt.
       const Pose asked{rotation_abc(0, 0, angles_abc(X.R).z()), X.p};

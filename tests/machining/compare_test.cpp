@@ -90,6 +90,12 @@ TEST(Compare, CometTakesBackWhatTheRobotIsOffBesides) {
   e.job.robot_errors.friction.assign(5, 0);
   e.job.robot_errors.friction[0] = 100;
   EXPECT_NEAR(*of(compared(e), Method::none).with_robot_errors, *of(by_play, Method::none).with_robot_errors, 1e-9);
+
+  // A joint without a compliance winds up by nobody knows how much.
+  std::get<machine::SerialArm>(e.job.machine).dh[0].compliance = 0;
+  const std::vector<MethodOutcome> unknown = compared(e);
+  for (const MethodOutcome& m : unknown) EXPECT_FALSE(m.judged) << name_of(m.method);
+  EXPECT_NE(unknown.front().notes.back().find("friction of joint 1 is not counted"), std::string::npos);
 }
 
 TEST(Compare, SquareOfSlavkovic) {
