@@ -65,11 +65,9 @@ std::vector<JointTerm> joint_terms(const Hexapod& m, int leg, LimitBits mask) {
         if (limit.angle < std::numbers::pi) out.push_back({bit, of_platform, home, std::cos(limit.angle), 1});
         break;
       case JointLimitKind::elevation: {
-        const double e = std::acos(std::clamp(home.z(), -1.0, 1.0));
-        if (e > limit.angle) out.push_back({bit, of_platform, Vec3::UnitZ(), std::cos(e - limit.angle), -1});
-        if (e + limit.angle < std::numbers::pi) {
-          out.push_back({bit, of_platform, Vec3::UnitZ(), std::cos(e + limit.angle), 1});
-        }
+        const auto height = machine::hexapod_detail::elevations(home, std::cos(limit.angle), std::sin(limit.angle));
+        if (height.high < 1) out.push_back({bit, of_platform, Vec3::UnitZ(), height.high, -1});
+        if (height.low > -1) out.push_back({bit, of_platform, Vec3::UnitZ(), height.low, 1});
         break;
       }
       case JointLimitKind::pyramid:

@@ -41,30 +41,38 @@ inline Interval smaller(const Interval& a, const Interval& b) {
   return {std::min(a.lo(), b.lo()), std::min(a.hi(), b.hi())};
 }
 
-template <class T>
-T cone_margin(double cosine, const Vector3<T>& local, const Vec3& home_direction) {
-  return local.dot(home_direction.cast<T>()) - T(cosine);
+/// The heights (cosines against the joint's platform) between which a leg stays that turns at most by the limit's angle
+/// from `home`: cos(e + angle) and cos(e - angle), e the angle of home and normal; beyond +-1 where no leg gets there.
+struct Elevations {
+  double low = -2, high = 2;
+};
+inline Elevations elevations(const Vec3& home, double cosine, double sine) {
+  const double c = std::clamp(home.z(), -1.0, 1.0), s = std::sqrt(1 - c * c);
+  Elevations out;
+  if (c < cosine) out.high = c * cosine + s * sine;
+  if (c > -cosine) out.low = c * cosine - s * sine;
+  return out;
 }
 
 /// How far the unit direction w of a leg is inside its joint's limit: >= 0 inside, no unit. `home` is the unit
-/// direction at home and `normal` that of the joint's platform, both where the joint stands now.
+/// direction at home and `normal` that of the joint's platform, both where the joint stands now; `cosine` and `sine`
+/// are those of the limit's angle.
 ///   cone: w . home - cos(angle);
 ///   elevation: the lesser of cos(max(0, e - angle)) - w . normal and w . normal - cos(min(pi, e + angle)), e the
 ///   angle of home and normal;
 ///   pyramid: the least w . n_k.
 template <class T>
-T joint_margin(const JointLimit& limit, const Vector3<T>& w, const Vec3& home_direction, const Matrix3<T>& R) {
+T joint_margin(const JointLimit& limit, double cosine, double sine, const Vector3<T>& w, const Vec3& home_direction,
+               const Matrix3<T>& R) {
   const Vector3<T> local = R.transpose() * w;
   switch (limit.kind) {
     case JointLimitKind::none:
       break;
     case JointLimitKind::cone:
-      return cone_margin<T>(std::cos(limit.angle), local, home_direction);
+      return local.dot(home_direction.cast<T>()) - T(cosine);
     case JointLimitKind::elevation: {
-      const double e = std::acos(std::clamp(home_direction.z(), -1.0, 1.0));
-      const double high = e > limit.angle ? std::cos(e - limit.angle) : 2.0;  // no limit: the cosine never gets there
-      const double low = e + limit.angle < std::numbers::pi ? std::cos(e + limit.angle) : -2.0;
-      return smaller(T(T(high) - local.z()), T(local.z() - T(low)));
+      const Elevations height = elevations(home_direction, cosine, sine);
+      return smaller(T(T(height.high) - local.z()), T(local.z() - T(height.low)));
     }
     case JointLimitKind::pyramid: {
       const auto n = pyramid_normals(home_direction, limit);
@@ -74,6 +82,10 @@ T joint_margin(const JointLimit& limit, const Vector3<T>& w, const Vec3& home_di
     }
   }
   return T(1.0);
+}
+template <class T>
+T joint_margin(const JointLimit& limit, const Vector3<T>& w, const Vec3& home_direction, const Matrix3<T>& R) {
+  return joint_margin<T>(limit, std::cos(limit.angle), std::sin(limit.angle), w, home_direction, R);
 }
 
 /// Distance of two legs' axes less the diameter of a leg; 1 for thin legs, which are taken as lines that may cross.
@@ -105,15 +117,12 @@ void push_leg_limits(std::vector<T>& g, const Hexapod& m, const Matrix3<T>& R,
     for (int k = 0; k < 3; ++k) w[i][k] = y[k] / length;
   }
   const Matrix3<T> identity = Mat3::Identity().cast<T>();
-  const double cosine = std::cos(m.joint.angle);
+  const double cosine = std::cos(m.joint.angle), sine = std::sin(m.joint.angle);
   const auto push_end = [&](const JointSeats& seats, const Matrix3<T>& turned) {
-    const bool one_cone = m.joint.kind == JointLimitKind::cone && !seats.angle;
     for (int i = 0; i < kLegs; ++i) {
-      if (one_cone) {
-        g.push_back(cone_margin<T>(cosine, turned.transpose() * w[i], axis_of(seats, m.home, i)));
-        continue;
-      }
-      g.push_back(joint_margin<T>(limit_of(m.joint, seats, i), w[i], axis_of(seats, m.home, i), turned));
+      const Vec3& axis = axis_of(seats, m.home, i);
+      g.push_back(seats.angle ? joint_margin<T>(limit_of(m.joint, seats, i), w[i], axis, turned)
+                              : joint_margin<T>(m.joint, cosine, sine, w[i], axis, turned));
     }
   };
   push_end(m.base_seats, identity);
