@@ -11,6 +11,7 @@
 #include "polypod/quality/budget.hpp"
 #include "polypod/statics/compliance.hpp"
 #include "polypod/statics/rigid.hpp"
+#include "polypod/statics/rounding.hpp"
 #include "survey_options.hpp"
 
 namespace polypod::app {
@@ -69,6 +70,7 @@ Command budget_command() {
             known.repeatability = of_joint(o->repeatability);
             known.backlash = of_joint(o->backlash);
             known.warming = o->warming;
+            std::vector<std::string> notes;
             known.expansion = units::from_um(o->expansion);
             if (!o->force.empty()) {
               POLYPOD_ASSIGN(f, numbers_of(o->force, "--force"));
@@ -76,10 +78,13 @@ Command budget_command() {
               POLYPOD_TRY(needs_compliance(m));
               Vec6 wrench = Vec6::Zero();
               wrench.head<3>() = Vec3(f[0], f[1], f[2]);
-              known.deflection = statics::compliance_at(m, here.X_MT).C * wrench;
+              const statics::Compliance c = statics::compliance_at(m, here.X_MT);
+              known.deflection = c.C * wrench;
+              for (std::string note : {statics::rigid_parts_in_words(m),
+                                       statics::held_directions_in_words(c.C, statics::rounding_of_tip(m, c))})
+                if (!note.empty()) notes.push_back(std::move(note));
             }
             POLYPOD_ASSIGN(b, quality::budget(m, here.X_MT, here.joints, known));
-            const std::string rigid = o->force.empty() ? std::string() : statics::rigid_parts_in_words(m);
             if (context.json) {
               Json rows = Json::array();
               for (const auto& row : b.rows) {
@@ -96,7 +101,7 @@ Command budget_command() {
                                {"accuracy_rss_orientation_rad", b.accuracy_rss_orientation},
                                {"repeatability_um", units::to_um(b.repeatability)},
                                {"repeatability_orientation_rad", b.repeatability_orientation}});
-              if (!rigid.empty()) document["notes"] = {rigid};
+              if (!notes.empty()) document["notes"] = notes;
               print_json(singular.in(document));
               return kDone;
             }
@@ -117,7 +122,7 @@ Command budget_command() {
                        mrad(b.accuracy_rss_orientation));
             fmt::print("repeatability (3 sigma)          {:>10} um {:>10} mrad\n", um(b.repeatability),
                        mrad(b.repeatability_orientation));
-            if (!rigid.empty()) fmt::print("note: {}\n", rigid);
+            for (const std::string& note : notes) fmt::print("note: {}\n", note);
             return kDone;
           }};
 }

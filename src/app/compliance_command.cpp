@@ -74,6 +74,9 @@ Command compliance_command() {
         Vec6 load;
         load << force, moment;
         const double noise = statics::rounding_of_tip(m, c);
+        std::vector<std::string> notes;
+        for (std::string note : {statics::rigid_parts_in_words(m), statics::held_directions_in_words(c.C, noise)})
+          if (!note.empty()) notes.push_back(std::move(note));
         Vec6 by_weight = Vec6::Zero();
         if (masses.dynamics)
           by_weight = motion::weight_twist(m, *masses.dynamics, kinematics::settled(m, X, c.joints), c.joints);
@@ -99,7 +102,7 @@ Command compliance_command() {
                            {"moment_Nm", vector_json(moment)},
                            {"displacement_um", vector_json(moved_by(c.C))},
                            {"rotation_mrad", vector_json(turned_by(c.C))}});
-          if (std::string rigid = statics::rigid_parts_in_words(m); !rigid.empty()) document["notes"] = {rigid};
+          if (!notes.empty()) document["notes"] = notes;
           if (masses.dynamics) {
             document["weight"] = {{"displacement_um", vector_json(by_weight.head<3>() * units::kUmPerMetre)},
                                   {"rotation_mrad", vector_json(by_weight.tail<3>() * units::kMradPerRad)},
@@ -139,8 +142,7 @@ Command compliance_command() {
           fmt::print("\ndisplacement under {}: {} um\n", under, vector(moved_by(c.C), 1));
           if (!o->moment.empty()) fmt::print("rotation under {}: {} mrad\n", under, vector(turned_by(c.C), 4));
         }
-        if (const std::string rigid = statics::rigid_parts_in_words(m); !rigid.empty())
-          fmt::print("\nnote: {}\n", rigid);
+        for (const std::string& note : notes) fmt::print("\nnote: {}\n", note);
         if (masses.dynamics) {
           fmt::print("\n{}\ndisplacement by the weight of the machine, which is there without a load: {} um\n",
                      in_words(*masses.dynamics), vector(by_weight.head<3>() * units::kUmPerMetre, 1));

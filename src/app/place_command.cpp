@@ -253,7 +253,7 @@ Command place_command() {
         if (!o->branch.empty()) in.job.posture = o->branch;
         // At the start it may be out of reach. Joints to start from have their posture already.
         if (const std::string& asked = in.job.posture;
-            !asked.empty() && (in.job.start_joints.empty() || !o->branch.empty())) {
+            !asked.empty() && (in.job.start_joints.empty() || in.job.own_posture || !o->branch.empty())) {
           const std::vector<std::string> known = kinematics::all_postures(in.job.machine);
           if (std::find(known.begin(), known.end(), asked) == known.end()) {
             return fail("AP123",

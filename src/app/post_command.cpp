@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <numbers>
 #include <optional>
@@ -143,6 +144,10 @@ Status corrected_here(const std::optional<Header>& header, const post::Path& pat
   return {};
 }
 
+std::string um_in_words(const Vec3& d) {
+  return fmt::format("{:.2f}, {:.2f}, {:.2f} um", units::to_um(d.x()), units::to_um(d.y()), units::to_um(d.z()));
+}
+
 /// Whether the machine is as compliant, where the first cut begins, as that for which the header speaks. Gives a note
 /// where that cannot be known. Error: PO125.
 Result<std::string> compliant_as_corrected(const std::optional<Header>& header, const post::Path& path,
@@ -157,16 +162,14 @@ Result<std::string> compliant_as_corrected(const std::optional<Header>& header, 
         "the machine file has no compliances, so whether the program was {} for this machine is not judged", was);
   }
   job.posture = header->posture;
-  const std::optional<Vec3> here = machining::deflections_at(job, *mark);
+  const std::optional<Vec3> here =
+      machining::deflections_at(job, *mark, machining::ComplianceMark::joints_from(header->joints, job.machine));
   if (!here || mark->same(*here)) return std::string();  // out of reach there: the plan says so
-  const auto um = [](const Vec3& d) {
-    return fmt::format("{:.2f}, {:.2f}, {:.2f} um", units::to_um(d.x()), units::to_um(d.y()), units::to_um(d.z()));
-  };
   return fail(
       "PO125",
       fmt::format("the program was {} for a machine whose tool 100 N along X, Y, Z deflect by {} where the first "
                   "cut begins; this one they deflect by {}",
-                  was, um(mark->deflection), um(*here)),
+                  was, um_in_words(mark->deflection), um_in_words(*here)),
       Place{path.file, header->line, 1},
       "give the job and the machine file of the correction, or correct the program of the CAM system with these");
 }
@@ -185,7 +188,7 @@ Error not_as_corrected(const Header& header, const post::Path& path, std::string
 Result<bool> take_hold(const std::optional<Header>& header, const post::Path& path, const machining::Job& job,
                        const post::Configuration& configuration, const Options& o, const Context& context,
                        post::PlanOptions& p) {
-  if (!header || (header->posture.empty() && !header->c)) return false;
+  if (!header || (header->posture.empty() && !header->c && header->joints.empty())) return false;
   if (!is_name(header->machine, machine::name_of(job.machine)) || header->origin != machining::place_in_words(job.X_MW))
     return false;  // looked at for another place
   const std::string was = header->corrected ? "the program was corrected" : "the program was found within its tube";
@@ -212,6 +215,12 @@ Result<bool> take_hold(const std::optional<Header>& header, const post::Path& pa
                      std::string("leave --c out; for another C: ") + kCorrectForC);
     }
   }
+  if (!header->joints.empty() && context.given("--external-axis") && p.external != post::External::linear) {
+    return refused(
+        fmt::format("{} for an external axis that follows the moves, not for --external-axis {}", was, o.external),
+        "leave --external-axis out; for another place of the axis: correct the program of the CAM system "
+        "with a machine file that locks it there, or with `start_joints`, and post the result");
+  }
   if (header->c) p.c = header->c;
   // The correction was made for where the axis stood.
   if (p.external == post::External::chosen && !context.given("--external-axis")) p.external = post::External::linear;
@@ -220,6 +229,67 @@ Result<bool> take_hold(const std::optional<Header>& header, const post::Path& pa
     p.keep_branch = true;
   }
   return true;
+}
+
+/// Where a plan comes to the place of the mark with other joints than those with which the program was corrected, so
+/// that the tool deflects otherwise there: why it is refused. Of a machine whose poses leave a joint free.
+std::optional<Error> other_joints(const Header& header, const post::Path& path, const machining::Job& given,
+                                  const machining::Job& job, const post::Plan& plan) {
+  const auto mark = machining::ComplianceMark::from(header.compliance);
+  const machine::JointVector was = machining::ComplianceMark::joints_from(header.joints, job.machine);
+  if (!mark || was.size() == 0 || !statics::has_compliance(job.machine)) return {};
+  const Pose X_MT = machining::pose_of(given, *mark);
+  constexpr double kLever = 0.1;  // m, by which a turn counts
+  const post::PlannedMove* nearest = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const post::PlannedMove& m : plan.moves) {
+    if (m.joints.size() != was.size()) continue;
+    const double turn = rotation_vector(X_MT.R.transpose() * job.X_MW.R * m.R).norm();
+    const double away = (job.X_MW * m.tip - X_MT.p).norm() + kLever * turn;
+    if (away < least) nearest = &m;
+    least = std::min(least, away);
+  }
+  if (nearest == nullptr) return {};
+  const kinematics::InverseResult inverse = kinematics::inverse_near(job.machine, X_MT, nearest->joints);
+  const kinematics::Solution* s = inverse.reachable();
+  const machine::JointVector is = s != nullptr ? s->joints : nearest->joints;
+  const std::optional<Vec3> here = machining::deflections_at(given, *mark, is);
+  if (!here || mark->same(*here)) return {};
+  Eigen::Index joint = 0;
+  (is - was).cwiseAbs().maxCoeff(&joint);
+  const bool turns = kinematics::joint_kind(job.machine, static_cast<int>(joint)) == machine::JointKind::revolute;
+  const auto user = [turns](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
+  return not_as_corrected(
+      header, path,
+      fmt::format("the program was {} with joint {} at {:.1f} {} where the first cut begins, and 100 N along X, Y, Z "
+                  "deflect the tool by {}; here the joint comes there at {:.1f} {}, and they deflect it by {}",
+                  header.corrected ? "corrected" : "found within its tube", joint + 1, user(was[joint]),
+                  turns ? "deg" : "mm", um_in_words(mark->deflection), user(is[joint]), turns ? "deg" : "mm",
+                  um_in_words(*here)),
+      "post it with the start joints of the correction, or correct the program of the CAM system with these "
+      "(`start_joints` of the job)");
+}
+
+/// That of a machine whose poses leave a joint free, as `plan` gives it, begins where the correction began: where the
+/// joints before the program lead elsewhere, those of the header lead there, unless the command line says them.
+template <class PlanIt>
+Result<post::Plan> plan_from_there(const Header& header, const post::Path& path, const machining::Job& given,
+                                   const machining::Job& job, post::PlanOptions with, bool start_is_said,
+                                   const PlanIt& plan) {
+  Result<post::Plan> first = plan(with);
+  if (!first || header.joints.empty()) return first;
+  std::optional<Error> other = other_joints(header, path, given, job, *first);
+  if (!other) return first;
+  if (start_is_said) return tl::unexpected(std::move(*other));
+  const bool of_job = with.start_joints.has_value();
+  with.start_joints = machining::ComplianceMark::joints_from(header.joints, job.machine);
+  Result<post::Plan> again = plan(with);
+  if (!again) return again;
+  if (auto still = other_joints(header, path, given, job, *again)) return tl::unexpected(std::move(*still));
+  again->notes.push_back(fmt::format(
+      "the program begins with the joints of the correction{}: bring the machine to those of its first line",
+      of_job ? ", not with `start_joints` of the job" : ""));
+  return again;
 }
 
 /// The plan of a program whose header says how the machine held the tool.
@@ -647,8 +717,13 @@ Command post_command() {
         POLYPOD_TRY(corrected_here(header, path, given));
         POLYPOD_ASSIGN(not_known, compliant_as_corrected(header, path, given));
         POLYPOD_ASSIGN(held, take_hold(header, path, given, configuration, *o, context, plan_with));
-        POLYPOD_ASSIGN(plan, held ? plan_held(*header, path, configuration, plan_with, o->allow_problems)
-                                  : post::plan(configuration, path, plan_with));
+        const auto plan_it = [&](const post::PlanOptions& with) {
+          return held ? plan_held(*header, path, configuration, with, o->allow_problems)
+                      : post::plan(configuration, path, with);
+        };
+        POLYPOD_ASSIGN(
+            plan, held ? plan_from_there(*header, path, given, job, plan_with, context.given("--start-joints"), plan_it)
+                       : plan_it(plan_with));
         plan_with.progress(1);
         post::WriteOptions write_with;
         write_with.name = std::filesystem::path(o->output).stem().string();

@@ -1,6 +1,7 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 // The only source file that sees CLI11: it compiles slowly.
 #include <fmt/format.h>
+#include <poll.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -260,7 +261,14 @@ std::vector<std::string> with_names_of_now(int argc, char** argv) {
   return out;
 }
 
+/// Whether whoever read standard output has enough of it, as `| head`.
+bool nobody_reads() {
+  pollfd output{STDOUT_FILENO, 0, 0};
+  return poll(&output, 1, 0) == 1 && (output.revents & POLLERR) != 0;
+}
+
 int standard_output_failed() {
+  if (nobody_reads() && !files::outputs_appeared()) return kBadInput;
   std::fprintf(
       stderr, "polypod: %s\n",
       to_string(Error{"AP117",

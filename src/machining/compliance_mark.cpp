@@ -9,6 +9,7 @@
 
 #include "polypod/core/units.hpp"
 #include "polypod/gcode/writer.hpp"
+#include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/statics/compliance.hpp"
 
@@ -17,6 +18,7 @@ namespace {
 
 constexpr double kForce = 100;  // N
 constexpr std::string_view kForceText = " 100 N along X, Y, Z deflect the tool by ";
+constexpr std::string_view kJointsText = "the joints stand there at ";
 constexpr int kPlaceDigits = 3, kAngleDigits = 4, kDeflectionDigits = 2;
 
 /// The numbers of a text behind each of these, in their order; empty where one is missing.
@@ -65,10 +67,52 @@ bool ComplianceMark::same(const Vec3& other) const {
   return (other - deflection).cwiseAbs().maxCoeff() <= kShare * deflection.maxCoeff() + kWritten;
 }
 
-std::optional<Vec3> deflections_at(const Job& job, const ComplianceMark& mark) {
+std::string ComplianceMark::joints_in_words(const machine::AnyMachine& machine) const {
+  if (joints.size() == 0) return {};
+  std::vector<std::string> values;
+  for (int i = 0; i < static_cast<int>(joints.size()); ++i) {
+    const bool turns = kinematics::joint_kind(machine, i) == machine::JointKind::revolute;
+    values.push_back(gcode::number(turns ? units::to_deg(joints[i]) : units::to_mm(joints[i]), kAngleDigits));
+  }
+  return fmt::format("{}{} mm or deg", kJointsText, fmt::join(values, ", "));
+}
+
+machine::JointVector ComplianceMark::joints_from(std::string_view text, const machine::AnyMachine& machine) {
+  const std::size_t at = text.find(kJointsText);
+  if (at == std::string_view::npos) return {};
+  text.remove_prefix(at + kJointsText.size());
+  const int n = kinematics::joint_count(machine);
+  machine::JointVector out(n);
+  for (int i = 0; i < n; ++i) {
+    constexpr std::string_view kComma = ", ";
+    if (i > 0) {
+      if (!text.starts_with(kComma)) return {};
+      text.remove_prefix(kComma.size());
+    }
+    double value = 0;
+    const auto [end, code] = std::from_chars(text.data(), text.data() + text.size(), value);
+    if (code != std::errc{} || !std::isfinite(value)) return {};
+    text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+    const bool turns = kinematics::joint_kind(machine, i) == machine::JointKind::revolute;
+    out[i] = turns ? units::from_deg(value) : units::from_mm(value);
+  }
+  return text.starts_with(" mm") ? out : machine::JointVector();
+}
+
+Pose pose_of(const Job& job, const ComplianceMark& mark) {
+  return {tool_orientation(job, mark.axes), job.X_MW * mark.p};
+}
+
+std::optional<Vec3> deflections_at(const Job& job, const ComplianceMark& mark, const machine::JointVector& near) {
   if (!statics::has_compliance(job.machine)) return {};
-  const Pose X_MT{tool_orientation(job, mark.axes), job.X_MW * mark.p};
-  const std::optional<machine::JointVector> q = joints_at(job, X_MT);
+  const Pose X_MT = pose_of(job, mark);
+  std::optional<machine::JointVector> q;
+  if (near.size() > 0) {
+    const kinematics::InverseResult inverse = kinematics::inverse_near(job.machine, X_MT, near);
+    if (const kinematics::Solution* s = inverse.reachable()) q = s->joints;
+  } else {
+    q = joints_at(job, X_MT);
+  }
   if (!q) return {};
   const std::vector<Mat3> unit = statics::unit_compliances(job.machine, X_MT, *q);
   const std::vector<double> compliances = statics::column_compliances(job.machine);
@@ -83,7 +127,20 @@ std::optional<ComplianceMark> compliance_mark(const Job& job, const gcode::Move&
   out.p = first.start;
   if (job.tool_frame.turns) out.axes = first.axes_start;
   if (job.tool_frame.tilted) out.axes = job.tool_frame.axes;
-  const std::optional<Vec3> deflection = deflections_at(job, out);
+  const std::optional<Vec3> deflection = deflections_at(job, out, {});
+  if (!deflection) return {};
+  out.deflection = *deflection;
+  return out;
+}
+
+std::optional<ComplianceMark> compliance_mark(const Job& job, const Sample& sample) {
+  if (job.measured) return {};
+  ComplianceMark out;
+  out.p = sample.command;
+  if (job.tool_frame.turns) out.axes = sample.axes;
+  if (job.tool_frame.tilted) out.axes = job.tool_frame.axes;
+  out.joints = sample.came_with();
+  const std::optional<Vec3> deflection = deflections_at(job, out, out.joints);
   if (!deflection) return {};
   out.deflection = *deflection;
   return out;

@@ -165,7 +165,12 @@ std::vector<std::string> Corrector::header_lines() const {
   if (const std::string hold = hold_in_words(); !hold.empty()) header.push_back("Polypod: " + hold);
   if (!out_.before.moves.empty()) {
     const gcode::Move& first = moves_[static_cast<std::size_t>(out_.before.moves.front().move)];
-    if (const auto mark = compliance_mark(job_, first)) header.push_back("Polypod: " + mark->in_words());
+    const auto& few = out_.before.few;
+    const bool open = !few.empty() && few.front().joint_count > 0;
+    if (const auto mark = open ? compliance_mark(job_, few.front()) : compliance_mark(job_, first)) {
+      header.push_back("Polypod: " + mark->in_words());
+      if (open) header.push_back("Polypod: " + mark->joints_in_words(job_.machine));
+    }
   }
   if (fixed_other_ != nullptr) {
     header.push_back(fmt::format("Polypod: written with block delete {}; the switch does not act on this program",

@@ -26,7 +26,7 @@ constexpr std::size_t kMostJoints = 7;
 // Rungs of C, and by how many it changes from point to point; places of the external axis. The finer ones hold the
 // coarser.
 constexpr int kTurns = 72, kCoarseTurns = 36;
-constexpr double kFarthestTurn = units::from_deg(30);
+constexpr double kFarthestTurn = units::from_deg(30), kAvoided = units::from_deg(12);
 constexpr int kPlaces = 65, kCoarsePlaces = 17;
 constexpr int kFine = 33, kFinerBy = 8;  // beside a way: values, and how much finer
 constexpr int kLookedTurns = 24, kLookedPlaces = 9, kLookedPlacesAlone = 33;
@@ -70,8 +70,9 @@ struct LadderPoint {
     std::optional<Vec3> angles;
   };
   std::vector<Between> between;
-  double seconds = 0;  // of the step that leads there; 0: not judged, as in rapids
-  double length = 0;   // m, the same; of a turn alone it is none
+  std::vector<double> avoided;  // values of C, rad
+  double seconds = 0;           // of the step that leads there; 0: not judged, as in rapids
+  double length = 0;            // m, the same; of a turn alone it is none
   bool rapid = false;
   std::size_t step = 0;  // of the path
 };
@@ -148,6 +149,10 @@ class States {
     Rung& rung = next_[static_cast<std::size_t>(j)];
     rung.exists = false;
     const int turned = j % values_.turns;
+    if (!point.angles && std::any_of(point.avoided.begin(), point.avoided.end(), [&](double c) {
+          return std::abs(std::remainder(turn(n, turned) - c, kTurn)) < kAvoided;
+        }))
+      return kNone;
     const Vec3 angles =
         point.angles ? *point.angles : both_turns(Rotary::abc, point.axis, turn(n, turned), Vec3::Zero())[0];
     Pose X{R_MW_ * rotation_abc(angles.x(), angles.y(), angles.z()) * R_MW_.transpose(), point.p};
@@ -159,13 +164,18 @@ class States {
     if (!stands(X, rung)) return kNone;
     rung.exists = true;
     // On the way that leads there the axis stands about where it ends: there the arm must reach it, too.
-    Rung between = rung;
+    Rung between = rung, before = rung;
+    bool first = true;
     for (const LadderPoint::Between& at : point.between) {
       const Vec3 abc = at.angles ? *at.angles : both_turns(Rotary::abc, at.axis, turn(n, turned), Vec3::Zero())[0];
       Pose X_at{R_MW_ * rotation_abc(abc.x(), abc.y(), abc.z()) * R_MW_.transpose(), at.p};
       if (carried_) X_at = carried_->seen(X_at, rung.q[0]);
       if (!stands(X_at, between)) return kNone;
+      if (!first && hurries(before, between, point)) return kNone;
+      before = between;
+      first = false;
     }
+    if (!first && hurries(before, rung, point)) return kNone;
     double cost = cost_of_limits(rung) + cost_of_pose(rung, point);
     if (n == 0) {
       const int off = values_.turns > 1 ? turned - values_.turns / 2 : 0;
@@ -212,6 +222,16 @@ class States {
       if (rung.q[i] < ranges_[i].min - kSlack || rung.q[i] > ranges_[i].max + kSlack) return false;
     }
     return true;
+  }
+
+  /// Whether a joint is too fast between two of the poses between, as where the way passes near a singular pose.
+  [[nodiscard]] bool hurries(const Rung& from, const Rung& to, const LadderPoint& point) const {
+    if (options_.joint_speeds.empty() || !(point.seconds > 0)) return false;
+    const double seconds = point.seconds / static_cast<double>(point.between.size() + 1);
+    for (std::size_t k = 0; k < joints_; ++k) {
+      if (std::abs(change_of(k, from.q[k], to.q[k])) > seconds * options_.joint_speeds[k]) return true;
+    }
+    return false;
   }
 
   /// By how much joint k moves; by whole turns less where its range has them. Not finite: beyond its range.
@@ -294,13 +314,15 @@ bool chooses_place(const PlanOptions& options) {
   return options.external == External::chosen;
 }
 
-/// Poses between the ends of a cut that is longer than kLongStep, or turns farther than kFarSweep.
+/// Poses between the ends of a cut that is longer than kLongStep, turns farther than kFarSweep or tilts the tool by
+/// more than kFarTilt: near a singular pose joints hurry on a short way.
 void add_between(const Step& from, const Step& to, const Vec3& angles_from, const Mat3& R_MW,
                  const PlanOptions& options, LadderPoint& point) {
-  constexpr double kLongStep = 0.2, kFarSweep = units::from_deg(45);  // m, rad
+  constexpr double kLongStep = 0.05, kFarSweep = units::from_deg(45), kFarTilt = units::from_deg(2);  // m, rad
   constexpr int kMost = 100;
   const bool curved = to.kind == StepKind::arc;
-  const double wanted = std::max(point.length / kLongStep, curved ? to.sweep / kFarSweep : 0.0);
+  const double wanted = std::max({point.length / kLongStep, curved ? to.sweep / kFarSweep : 0.0,
+                                  point.rapid ? 0.0 : angle_between(from.axis, to.axis) / kFarTilt});
   const int pieces = std::min(kMost, static_cast<int>(std::ceil(wanted - 1e-9)));
   for (int k = 1; k < pieces; ++k) {
     const double s = double(k) / pieces;
@@ -419,6 +441,10 @@ Choice choose(const Configuration& configuration, const Path& path, const PlanOp
   const std::vector<LadderPoint> points = points_of(path, options, question.turn);
   std::vector<LadderPoint> rungs = rungs_of(points, question.every_point ? 0 : kRungEvery * sum_of_links(arm));
   if (rungs.empty()) return out;
+  for (const ChoiceQuestion::Avoided& avoided : question.avoided) {
+    for (LadderPoint& rung : rungs)
+      if (rung.step == avoided.step) rung.avoided.push_back(avoided.c);
+  }
   bool stopped = false;
   double begins = 0, ends = 0;  // of the progress
   std::vector<double> c(rungs.size()), places(rungs.size());

@@ -22,6 +22,13 @@ struct ChoiceQuestion {
   /// Whether the ladder has its rungs at every point; else where the tip has gone 1/200 of the sum of links or the tool
   /// axis has turned by 5 deg since the last, and at the ends of rapids, and linearly between.
   bool every_point = false;
+  /// A value of C at the end of a step of the path with which the plan had a problem there: neither it nor one within
+  /// 12 deg of it is taken again.
+  struct Avoided {
+    std::size_t step = 0;
+    double c = 0;  ///< rad
+  };
+  std::vector<Avoided> avoided = {};
 };
 
 /// What `options` leave open, C or the external axis or both, at the end of each step (of steps that do not move: that

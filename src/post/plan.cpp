@@ -716,26 +716,39 @@ Result<std::vector<Planner::Start>> chosen_starts(const Configuration& configura
       postures.push_back({question, first_look(configuration, path, options, question)});
     }
   }
-  std::stable_sort(postures.begin(), postures.end(),
-                   [](const Posture& a, const Posture& b) { return a.cost < b.cost; });
+  // With C as it is given first: the other pair of rotary angles turns the tool about its axis by half a turn.
+  std::stable_sort(postures.begin(), postures.end(), [](const Posture& a, const Posture& b) {
+    return std::pair(a.question.turn, a.cost) < std::pair(b.question.turn, b.cost);
+  });
   std::vector<Planner::Start> out;
   std::size_t blocked = 0;
   for (const Posture& posture : postures) {
     if (!std::isfinite(posture.cost)) continue;
-    for (const bool every_point : {false, true}) {
-      ChoiceQuestion question = posture.question;
-      question.every_point = every_point;
+    // At first with rungs apart, then at every point, then without the C of steps that had problems, as where a joint
+    // hurries between two points.
+    constexpr int kMostRounds = 6;
+    ChoiceQuestion question = posture.question;
+    for (int round = 0; round < kMostRounds; ++round) {
+      question.every_point = round > 0;
       Choice chosen = choose(configuration, path, options, question);
       if (!options.progress(0)) return cancelled();
       if (!chosen.found) {
         blocked = std::max(blocked, chosen.blocked);
         break;  // nor at more points
       }
+      const std::vector<double> c = chosen.c;
       out.push_back({question.turn, question.branch, std::move(chosen.c), std::move(chosen.external)});
       if (!planner.run(out.back(), false)) return cancelled();
-      if (!planner.result().ok()) continue;
-      std::swap(out.front(), out.back());
-      return out;
+      if (planner.result().ok()) {
+        std::swap(out.front(), out.back());
+        return out;
+      }
+      if (round == 0) continue;
+      if (c.empty()) break;
+      for (const PlanProblem& problem : planner.result().problems) {
+        for (std::size_t i = 0; i < path.steps.size(); ++i)
+          if (path.steps[i].line == problem.line) question.avoided.push_back({i, c[i]});
+      }
     }
   }
   if (options.external == External::chosen) {
@@ -878,7 +891,9 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
         }
       }
     }
-    if (starts.empty() && !asked.branch.empty()) {
+    // Where no posture reaches it, it is out of reach, which is said with its line.
+    const bool known = reached.empty() && is_a_branch(configuration.machine, asked.branch);
+    if (starts.empty() && !asked.branch.empty() && !known) {
       return not_there(reached.empty() ? "" : fmt::format("; it can with {}", listed(reached)));
     }
     if (starts.empty()) starts.push_back({});
@@ -922,6 +937,12 @@ Result<Plan> plan(const Configuration& configuration, const Path& path, const Pl
                       "of its range",
                       last + 1, units::to_deg(first.moves.front().joints[last])));
     }
+  }
+  if (configuration.rotary == Rotary::abc && asked.c && starts[used].turn == 1 && path.c_line == 0) {
+    first.notes.push_back(fmt::format(
+        "the machine takes the moves with the other pair of A and B, in which C {:g} deg is the tool turned "
+        "by half a turn about its axis",
+        units::to_deg(*asked.c)));
   }
   if (linear && first.ok()) {
     asked.external = External::stands;  // at the end of each step where it came to

@@ -428,7 +428,7 @@ std::optional<CorrectedFor> corrected_for(const Path& path, std::string_view mar
     if (s.kind != StepKind::comment || s.text.find("Polypod: ") == std::string::npos) continue;
     if (out && s.text.find(kAnyMark) != std::string::npos) break;
     if (const std::size_t at = s.text.find(begin); at != std::string::npos) {
-      out = CorrectedFor{s.line, s.text.substr(at + begin.size()), "", "", {}, ""};
+      out = CorrectedFor{s.line, s.text.substr(at + begin.size()), "", "", {}, "", ""};
       continue;
     }
     if (!out) continue;
@@ -436,6 +436,7 @@ std::optional<CorrectedFor> corrected_for(const Path& path, std::string_view mar
     if (const std::size_t at = s.text.find(kOrigin); at != std::string::npos && out->origin.empty())
       out->origin = s.text.substr(at + kOrigin.size() - 1);
     if (s.text.find(" deflect the tool by ") != std::string::npos && out->compliance.empty()) out->compliance = s.text;
+    if (s.text.find("the joints stand there at ") != std::string::npos && out->joints.empty()) out->joints = s.text;
     read_hold(s.text, *out);
   }
   return out;

@@ -41,4 +41,13 @@ std::string rigid_parts_in_words(const machine::AnyMachine& machine) {
   return "without a compliance in the machine file, so counted as rigid: " + listed(rigid);
 }
 
+std::string held_directions_in_words(const Mat6& C, double noise) {
+  std::vector<std::string> held;
+  for (int k = 0; k < 3; ++k)
+    if (C(k, k) <= noise) held.emplace_back(1, "xyz"[k]);
+  if (held.empty() || held.size() == 3) return {};
+  return "the tool tip does not move along " + listed(held) +
+         " whatever the load: what holds it there (constraints, guides, bearings) counts as rigid";
+}
+
 }  // namespace polypod::statics

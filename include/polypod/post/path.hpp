@@ -116,6 +116,7 @@ struct CorrectedFor {
   std::string posture;      ///< the name of the branch; empty where the header has none
   std::optional<double> c;  ///< rad, the rotation about the tool axis; empty where the header has none
   std::string compliance;   ///< its line with what 100 N do to the tool; empty where the header has none
+  std::string joints;       ///< the line behind that, of a machine whose poses leave a joint free; else empty
 };
 /// That of the first header with this mark, for programs that were corrected again have several.
 std::optional<CorrectedFor> corrected_for(const Path& path, std::string_view mark = gcode::kCorrectedMark);

@@ -4,6 +4,7 @@
 
 #include <string>
 
+#include "polypod/geometry/pose.hpp"
 #include "polypod/machine/any_machine.hpp"
 
 namespace polypod::statics {
@@ -12,5 +13,10 @@ namespace polypod::statics {
 /// where others of their kind have one, and the stages in which none has; empty where there are none, or the machine
 /// has no compliance at all.
 std::string rigid_parts_in_words(const machine::AnyMachine& machine);
+
+/// "the tool tip does not move along z whatever the load: what holds it there (constraints, guides, bearings) counts as
+/// rigid", from a compliance in M, of directions along the axes in which none of its elements moves the tip (`noise`,
+/// m/N: rounding_of_tip). Empty where there are none, or where the tip does not move at all.
+std::string held_directions_in_words(const Mat6& C, double noise);
 
 }  // namespace polypod::statics

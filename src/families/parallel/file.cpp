@@ -63,11 +63,14 @@ Status read_range(const config::Table& table, ParallelLeg& leg) {
                                                                : config::kAnyFinite;
   POLYPOD_ASSIGN(low, table.number(low_key, allowed));
   POLYPOD_ASSIGN(high, table.number(high_key, allowed));
-  if (!(low < high && (!turns || high - low <= 360))) {
-    return fail("MA152",
-                fmt::format("the range {:g} .. {:g} {} of a leg is empty{}", low, high, turns ? "deg" : "mm",
-                            turns ? " or more than a turn" : ""),
+  if (!(low < high)) {
+    return fail("MA152", fmt::format("the range {:g} .. {:g} {} of a leg is empty", low, high, turns ? "deg" : "mm"),
                 table.place_of(low_key), fmt::format("give {} below {}", low_key, high_key));
+  }
+  if (turns && high - low > 360) {
+    return fail("MA152", fmt::format("the range {:g} .. {:g} deg of a crank is more than a turn", low, high),
+                table.place_of(low_key),
+                "give at most one turn, such as -180 to 180: a pose gives a crank's angle but for whole turns");
   }
   leg.range = turns ? JointRange{units::from_deg(low), units::from_deg(high)}
                     : JointRange{units::from_mm(low), units::from_mm(high)};

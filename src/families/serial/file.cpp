@@ -90,6 +90,14 @@ Status read_limits(const config::Table& table, SerialArm& arm) {
     }
     row.range = turns ? JointRange{units::from_deg(min), units::from_deg(max)}
                       : JointRange{units::from_mm(min), units::from_mm(max)};
+    constexpr double kSlack = 1e-9;  // rad or m
+    if (row.locked && (*row.locked < row.range.min - kSlack || *row.locked > row.range.max + kSlack)) {
+      return fail(
+          "MA193",
+          fmt::format("joint {} is locked at {:g} {}, beyond its limits {:g} and {:g}", &row - arm.dh.data() + 1,
+                      turns ? units::to_deg(*row.locked) : units::to_mm(*row.locked), turns ? "deg" : "mm", min, max),
+          table.place_of("locked"), "lock it within its limits, or correct these");
+    }
   }
   return {};
 }

@@ -107,7 +107,9 @@ Result<Stages> Stages::from(const config::Table& table) {
     return fail("MA161",
                 fmt::format("the stages have {} drives and the task prescribes {} coordinates", joints, m.task.size()),
                 table.place_of("task"),
-                joints > m.task.size() ? "lock joints of a serial stage (`locked`), or add coordinates to the task"
+                joints > m.task.size() ? "lock joints of a serial stage (`locked`; one of which all would be locked is "
+                                         "left out), or add coordinates "
+                                         "to the task"
                                        : "take coordinates out of the task, or add drives");
   }
   return m;
