@@ -96,15 +96,18 @@ template <class Limits>
 Result<Volume> proven_or_sampled(const AnyMachine& machine, const Limits& limits, const Options& options,
                                  std::int64_t most_boxes) {
   Options some = options;
-  // The sides are as loose as the volume: finer ones would take longer than it.
+  // The sides of arms are as loose as the volume: finer ones would take longer than it.
   constexpr double kSides = 1e-3;
-  if (options.bounds_tolerance > 0) some.bounds_tolerance = std::max(options.bounds_tolerance, kSides);
+  if (kinematics::is_serial(machine) && options.bounds_tolerance > 0)
+    some.bounds_tolerance = std::max(options.bounds_tolerance, kSides);
   // A region of coordinates keeps its bounds, however loose.
   if (kinematics::task(machine).places()) some.max_cells = std::min(options.max_cells, most_boxes);
   const bool all = options.keep_cells || some.max_cells == options.max_cells;
   POLYPOD_ASSIGN(proven, subdivided_volume(limits, some, all));
   if (proven.converged || all || proven.stopped == Stopped::memory) return proven;
-  return sampled_volume(machine, options);
+  POLYPOD_ASSIGN(sampled, sampled_volume(machine, options));
+  sampled.seconds += proven.seconds;
+  return sampled;
 }
 constexpr std::int64_t kFewBoxes = 150'000;
 /// Of a cone a box takes up to a hundred times as long as of one direction: so many times fewer are taken.
@@ -196,21 +199,22 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
           POLYPOD_TRY(ended(machine, limits.ends() & ~options.limits));
           if constexpr (requires { limits.few_boxes(); }) {
             std::int64_t few = limits.few_boxes();
-            if (!one_direction(options.directions)) {
-              if constexpr (requires { limits.few_boxes_of_a_cone(); }) {
-                few = limits.few_boxes_of_a_cone();
-              } else {
-                few /= kConeCosts;
+            if (few < options.max_cells && kinematics::task(machine).places()) {
+              if (!one_direction(options.directions)) {
+                if constexpr (requires { limits.few_boxes_of_a_cone(); }) {
+                  few = limits.few_boxes_of_a_cone();
+                } else {
+                  few /= kConeCosts;
+                }
               }
+              return proven_or_sampled(machine, limits, options, few);
             }
-            return proven_or_sampled(machine, limits, options, few);
-          } else {
-            Options some = options;
-            if (!kinematics::task(machine).places()) {
-              some.max_cells = std::min(options.max_cells, kMostBoxesOfCoordinates);
-            }
-            return subdivided_volume(limits, some, true);
           }
+          Options some = options;
+          if (!kinematics::task(machine).places()) {
+            some.max_cells = std::min(options.max_cells, kMostBoxesOfCoordinates);
+          }
+          return subdivided_volume(limits, some, true);
         });
       },
       machine);

@@ -37,6 +37,7 @@ class ParallelLimits {
     }
     if (task.names_axis()) free_ = {kTurnAboutAxis};
     if (turn_is_unseen()) free_.clear();
+    turns_freely_ = std::count_if(free_.begin(), free_.end(), [](int k) { return k >= 3 && k < 6; }) == 3;
     if (!task.places())
       for (int i = 0; i < 3; ++i) {
         box_coordinate_[static_cast<std::size_t>(i)] = i < task.size() ? static_cast<int>(task[i]) : kNone;
@@ -46,6 +47,9 @@ class ParallelLimits {
   /// Where nothing follows, each drive is a group and the limits of the tip another, so that patches are dropped drive
   /// by drive; else one group, since what follows is worked out for all of them.
   [[nodiscard]] int groups() const { return free_.empty() ? joint_count(m_) + 1 : 1; }
+  /// Where coordinates follow, boxes in which they cannot be enclosed (beyond where the machine closes at all, or about
+  /// singular poses of the constraints) stay undecided however small: a sample then serves.
+  [[nodiscard]] std::int64_t few_boxes() const { return free_.empty() ? kAnyNumber : 400'000; }
   [[nodiscard]] int axes() const { return m_.task.places() ? 3 : m_.task.size(); }
   [[nodiscard]] double lever() const { return m_.size; }
   [[nodiscard]] static std::size_t bytes(const Data&) { return 0; }
@@ -98,7 +102,7 @@ class ParallelLimits {
     std::array<DomainNumber, 5> u;
     if (free_.empty()) {
       if (group == n) return tip(position(center, d), d, out);
-      if (driven_leg(m_, group).ring) return ring_leg(group, pose(center, d, u), d, out);
+      if (driven_leg(m_, group).ring) return ring_leg(group, pose(center, d, u, Mat3::Identity()), d, out);
       Vector3<DomainNumber> y = position(center, d);
       const auto arm = turned(patch, driven_leg(m_, group).platform - m_.tool);
       for (int k = 0; k < 3; ++k) y[k] += DomainNumber(arm[static_cast<std::size_t>(k)], &d);
@@ -106,7 +110,7 @@ class ParallelLimits {
     }
     const std::optional<Pose> X0 = settled(m_, target_at(center, patch));
     if (!X0 || !enclose(*X0, center, d, u)) return too_far(center, half) ? Verdict::dead : Verdict::open;
-    const PoseT<DomainNumber> X = pose(center, d, u);
+    const PoseT<DomainNumber> X = pose(center, d, u, middle_of(*X0));
     Verdict verdict = tip(X.p, d, out);
     for (int j = 0; j < n && verdict != Verdict::dead; ++j) verdict = both(verdict, leg(j, X, d, out));
     if (verdict != Verdict::undecided) out.clear();
@@ -115,7 +119,8 @@ class ParallelLimits {
 
  private:
   static constexpr int kTurnAboutAxis = 6;
-  static constexpr int kNone = -1;      // a side of the box that is no coordinate
+  static constexpr int kNone = -1;  // a side of the box that is no coordinate
+  static constexpr std::int64_t kAnyNumber = std::numeric_limits<std::int64_t>::max();
   static constexpr double kScale = 10;  // no term of a limit is larger, in units of it
 
   /// Whether no leg sees the turn about the tool axis at all: then it need not be known.
@@ -163,10 +168,14 @@ class ParallelLimits {
     return out;
   }
 
-  /// The pose where the following coordinates have the values u (in the order of `free_`). `prescribed(k)` gives the
-  /// coordinate k of the box or patch, `patched()` the rotation of the patch.
+  /// The orientation from which angles that all three follow are counted: that at the middle, for A, B and C are no
+  /// coordinates of orientations near B = 90 deg.
+  [[nodiscard]] Mat3 middle_of(const Pose& X0) const { return turns_freely_ ? X0.R : Mat3::Identity(); }
+
+  /// The pose where the following coordinates have the values u (in the order of `free_`), angles from `middle`
+  /// (middle_of). `prescribed(k)` gives the coordinate k of the box or patch, `patched()` the rotation of the patch.
   template <class T, class Prescribed, class Patched>
-  PoseT<T> pose_from(const std::array<T, 5>& u, Prescribed&& prescribed, Patched&& patched) const {
+  PoseT<T> pose_from(const std::array<T, 5>& u, const Mat3& middle, Prescribed&& prescribed, Patched&& patched) const {
     std::array<T, 6> c;
     std::array<bool, 6> given{};
     T about_axis(0.0);
@@ -189,6 +198,7 @@ class ParallelLimits {
       X.R = patched();
     } else {
       X.R = rotation_by_angles<T>(c[3], c[4], c[5]);
+      if (turns_freely_) X.R = middle.cast<T>() * X.R;
     }
     return X;
   }
@@ -218,7 +228,8 @@ class ParallelLimits {
   bool enclose(const Pose& X0, const Vec3& center, const Domain& d, std::array<DomainNumber, 5>& u) const {
     const std::size_t n = free_.size();
     if (n == 0) return true;
-    const Vec3 abc = angles_abc(X0.R);
+    const Mat3 middle = middle_of(X0);
+    const Vec3 abc = turns_freely_ ? Vec3::Zero().eval() : angles_abc(X0.R);
     std::array<double, 5> u0{};
     for (std::size_t i = 0; i < n; ++i) {
       if (free_[i] == kTurnAboutAxis) {
@@ -235,7 +246,7 @@ class ParallelLimits {
       u_tangent[i].by[i] = 1;
       u[i] = DomainNumber(u0[i]);
     }
-    const auto F_u = passive<Tangent<double>>(pose_at_middle(center, d, u_tangent), p_real_tangent());
+    const auto F_u = passive<Tangent<double>>(pose_at_middle(center, d, u_tangent, middle), p_real_tangent());
     const auto rows = static_cast<int>(F_u.size());
     const auto columns = static_cast<int>(n);
     Eigen::MatrixXd by_u(rows, columns);
@@ -244,14 +255,14 @@ class ParallelLimits {
     const Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposed(by_u);
     if (decomposed.rank() < columns) return false;
     const Eigen::MatrixXd Y = decomposed.pseudoInverse();
-    const auto F_0 = passive<DomainNumber>(pose(center, d, u), p_domain_);
+    const auto F_0 = passive<DomainNumber>(pose(center, d, u, middle), p_domain_);
     for (int k = 0; k < columns; ++k) {
       FirstOrder f(u0[static_cast<std::size_t>(k)]);
       for (int i = 0; i < rows; ++i)
         for (std::size_t g = 0; g < 5; ++g) f.gradient[g] -= Y(k, i) * F_0[i].first_order().gradient[g];
       u[static_cast<std::size_t>(k)] = DomainNumber(f, &d);
     }
-    const auto F_line = passive<DomainNumber>(pose(center, d, u), p_domain_);
+    const auto F_line = passive<DomainNumber>(pose(center, d, u, middle), p_domain_);
     Eigen::VectorXd e(columns), r(columns);
     for (int k = 0; k < columns; ++k) {
       DomainNumber sum(0.0);
@@ -267,7 +278,7 @@ class ParallelLimits {
         tube[k] = Tangent<Interval>(Interval(u0[k] - reach, u0[k] + reach));
         tube[k].by[k] = Interval(1.0);
       }
-      const auto F_tube = passive<Tangent<Interval>>(pose_over(center, d, tube), p_tangent_);
+      const auto F_tube = passive<Tangent<Interval>>(pose_over(center, d, tube, middle), p_tangent_);
       const Eigen::MatrixXd away = distance_from_one(Y, F_tube, columns);
       if (!away.allFinite()) return false;
       const Eigen::VectorXd needed = e + away * r;
@@ -310,12 +321,12 @@ class ParallelLimits {
   }
 
   /// All poses of the domain in first order.
-  [[nodiscard]] PoseT<DomainNumber> pose(const Vec3& center, const Domain& d,
-                                         const std::array<DomainNumber, 5>& u) const {
+  [[nodiscard]] PoseT<DomainNumber> pose(const Vec3& center, const Domain& d, const std::array<DomainNumber, 5>& u,
+                                         const Mat3& middle) const {
     using T = DomainNumber;
     const Patch& patch = *d.patch;
     return pose_from<T>(
-        u,
+        u, middle,
         [&](int k) -> T {
           if (const int i = box_index(k); i >= 0) return {variable(center[i], static_cast<std::size_t>(i)), &d};
           if (k == 5 || patch.sector) return {angle_of(patch, 5)};
@@ -337,9 +348,9 @@ class ParallelLimits {
 
   /// The pose at the middle of the domain.
   template <class T>
-  PoseT<T> pose_at_middle(const Vec3& center, const Domain& d, const std::array<T, 5>& u) const {
+  PoseT<T> pose_at_middle(const Vec3& center, const Domain& d, const std::array<T, 5>& u, const Mat3& middle) const {
     return pose_from<T>(
-        u,
+        u, middle,
         [&](int k) {
           const int i = box_index(k);
           return T(i >= 0 ? center[i] : angle_of(*d.patch, k));
@@ -351,12 +362,12 @@ class ParallelLimits {
         });
   }
   /// All poses of the domain, as intervals.
-  PoseT<Tangent<Interval>> pose_over(const Vec3& center, const Domain& d,
-                                     const std::array<Tangent<Interval>, 5>& u) const {
+  PoseT<Tangent<Interval>> pose_over(const Vec3& center, const Domain& d, const std::array<Tangent<Interval>, 5>& u,
+                                     const Mat3& middle) const {
     using T = Tangent<Interval>;
     const auto within = [](double value, double half) { return T(Interval(value - half, value + half)); };
     return pose_from<T>(
-        u,
+        u, middle,
         [&](int k) {
           const int i = box_index(k);
           if (i >= 0) return within(center[i], d.half[i]);
@@ -522,6 +533,7 @@ class ParallelLimits {
   std::vector<Tangent<Interval>> p_tangent_;
   double reach_ = 1;                            ///< m: no distance in a limit is longer
   std::vector<int> free_;                       ///< coordinates that follow
+  bool turns_freely_ = false;                   ///< A, B and C all follow
   std::array<int, 3> box_coordinate_{0, 1, 2};  ///< which coordinates the box is of
 };
 
