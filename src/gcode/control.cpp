@@ -12,6 +12,9 @@
 namespace polypod::gcode {
 namespace {
 
+constexpr const char* kRepeatHint =
+    "break and continue act on while and do alone: write the loop so, or leave it by a condition";
+
 /// LinuxCNC's depth of subprograms.
 constexpr std::size_t kDeepestCall = 10;
 constexpr std::size_t kLongestSubprogram = 16 << 20;  // bytes of a file
@@ -399,6 +402,16 @@ Status Engine::skip_to(const std::string& label, std::initializer_list<std::stri
     if (ends_file(blocks[at].text)) break;
     if (computes_label(blocks[at].text)) POLYPOD_TRY(read_passed(blocks[at]));
     const auto word = o_word(blocks[at].text);
+    // LinuxCNC reads `continue` of a loop that repeats also where it passes it by.
+    if (word && word->second == "continue" &&
+        (word->first == label || repeats_left_.contains({frame().name, word->first}))) {
+      const auto loop = frame().labels.find(word->first);
+      if (loop != frame().labels.end() && loop->second.keyword == "repeat") {
+        other_ = blocks[at];
+        written_block_ = block_ = &other_;
+        return error(1, "GC163", fmt::format("'continue' of {} within 'repeat'", shown(word->first)), kRepeatHint);
+      }
+    }
     if (!word || word->first != label) continue;
     if (word->second == "break") pass_break(label, false);
     if (blocks[at].optional && options_.block_delete) continue;
@@ -556,6 +569,9 @@ Status Engine::control(const Line& line, const Block& block) {
     return {};
   }
   // break and continue
+  if (is_known && known->second.keyword == "repeat") {
+    return bad(fmt::format("'{}' of {} within 'repeat'", word, shown(label)), kRepeatHint);
+  }
   POLYPOD_TRY(expect({"while", "do"}));
   const bool is_do = known->second.keyword == "do";
   if (word == "break") pass_break(label, true);

@@ -425,7 +425,9 @@ class LineReader {
     POLYPOD_ASSIGN(result, operation(1));
     if (!take(']')) {
       return error("GC160", at_end() ? "'[' that is not closed" : fmt::format("'{}' within an expression", peek()),
-                   "check the operator, or add ']'");
+                   !at_end() && lower(peek()) == 'e' ? "numbers have no exponent: write its digits"
+                   : !at_end() && peek() == ','      ? "write a point in numbers"
+                                                     : "check the operator, or add ']'");
     }
     return result;
   }
@@ -485,6 +487,21 @@ class LineReader {
     return a <= b ? 1.0 : 0.0;
   }
 
+  /// Nothing with this name is a function: what stands there instead.
+  [[nodiscard]] tl::unexpected<Error> no_function(std::size_t from) {
+    std::string name;
+    for (std::size_t i = from; i < text_.size() && is_letter(text_[i]); ++i) name += lower(text_[i]);
+    const auto known = std::find(kFunctions.begin(), kFunctions.end(), name);
+    if (known != kFunctions.end())
+      return error("GC160", fmt::format("'{}' without '['", name), "write its argument in brackets");
+    for (const Operator& known_operator : kOperators) {
+      if (known_operator.name == name)
+        return error("GC160", fmt::format("'{}' without a value before it", name), "write a value on both sides");
+    }
+    return error("GC160", fmt::format("'{}' is no function", name),
+                 fmt::format("functions are {}", fmt::join(kFunctions, ", ")));
+  }
+
   Result<double> function() {
     const std::size_t from = at_;
     std::string_view name;
@@ -497,7 +514,7 @@ class LineReader {
         at_ = from;
       }
     }
-    if (name.empty()) return error("GC160", "a function that does not exist", "check its name, and add '['");
+    if (name.empty()) return no_function(from);
     if (name == "exists") {
       ++at_;  // [
       if (!take('#')) return error("GC160", "EXISTS without a parameter", "write EXISTS[#<name>]");

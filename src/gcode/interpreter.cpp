@@ -366,9 +366,7 @@ class Interpreter {
           const int group = m_group_of(m / 10);
           const Word*& slot = m_groups[static_cast<std::size_t>(group)];
           if (group != 0 && slot != nullptr) {
-            return error(word, "GC109",
-                         fmt::format("{} and {} exclude each other in one block", text_of(*slot), text_of(word)),
-                         "use two blocks");
+            return error(word, "GC109", excluding(text_of(*slot), text_of(word)), "use two blocks");
           }
           slot = &word;
           if (m_count_ == kMostMWords) {
@@ -409,9 +407,7 @@ class Interpreter {
     // posts.
     const bool idle = group == Group::motion && slot.word != nullptr && (g == 800) != (slot.tenfold == 800);
     if (slot.word != nullptr && group != Group::cancel && !idle) {
-      return error(word, "GC109",
-                   fmt::format("{} and {} exclude each other in one block", text_of(*slot.word), text_of(word)),
-                   "use two blocks");
+      return error(word, "GC109", excluding(text_of(*slot.word), text_of(word)), "use two blocks");
     }
     if (!idle || g != 800) slot = {g, &word};
     if (g_count_ == static_cast<int>(g_.size()))

@@ -43,10 +43,8 @@ Status Engine::check() {
       if (slot != nullptr && group != 30) {
         const bool idle = group == 1 && (g == 800) != (code_of(*slot) == 800);
         if (!idle) {
-          return error(
-              word.column, "GC109",
-              fmt::format("G{} and G{} exclude each other in one block", number(slot->value, 1), number(word.value, 1)),
-              "use two blocks");
+          return error(word.column, "GC109", excluding("G" + number(slot->value, 1), "G" + number(word.value, 1)),
+                       "use two blocks");
         }
         if (g == 800) continue;
       }
@@ -70,8 +68,7 @@ Status Engine::check() {
       const int group = m_group_of(m / 10);
       const Word*& slot = m_groups[static_cast<std::size_t>(group)];
       if (group != 0 && slot != nullptr) {
-        return error(word.column, "GC109",
-                     fmt::format("M{} and M{} exclude each other in one block", slot->value, word.value),
+        return error(word.column, "GC109", excluding(fmt::format("M{}", slot->value), fmt::format("M{}", word.value)),
                      "use two blocks");
       }
       slot = &word;

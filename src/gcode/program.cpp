@@ -204,6 +204,8 @@ Status LineReader::read_block(Block& block) {
       return error(block, i, "GC100", fmt::format("{} does not belong into a block", show(c)),
                    c == '\r'                          ? "end lines with LF or CR LF"
                    : text.starts_with("\xef\xbb\xbf") ? "save the file without a byte order mark"
+                   : c == ',' && count > 0            ? "write a point in numbers"
+                   : is_digit(c) || c == '.'          ? "a letter is missing before the number"
                                                       : "remove it, or put it into a comment");
     }
     first = false;
@@ -296,6 +298,9 @@ Result<std::size_t> LineReader::skip_comment(const Block& block, std::size_t at)
     return error(block, cr, "GC100", "the byte 0x0d within a line", "end lines with LF or CR LF");
   }
   if (text[at] == ';') return text.size();
+  if (const std::size_t nul = text.find('\0', at); nul < close) {
+    return error(block, nul, "GC100", "the byte 0x00 within a comment, where LinuxCNC ends the line", "remove it");
+  }
   const std::size_t nested = text.find('(', at + 1);
   if (close == std::string_view::npos) {
     return error(block, at, "GC103", "a comment that is not closed on its line", "add ')'");

@@ -62,11 +62,13 @@ Refusal refusal_of(int g) {
     case 681:
     case 682:
     case 534:
-    case 541:
     case 434:
     case 435:
       return {"GC125", "it scales, turns, mirrors or tilts the coordinates, which LinuxCNC does not know",
               "use G54 to G59 with the offsets of the job, or G10 L2 with R"};
+    case 541:
+      return {"GC125", "it is a further work offset of other controllers, which LinuxCNC does not know",
+              "use G54 to G59.3 with the offsets of the job, or G10 L2"};
     case 650:
     case 660:
     case 661:
@@ -113,6 +115,11 @@ std::optional<WrongArgument> wrong_argument(const Block& block) {
     }
   }
   return {};
+}
+
+std::string excluding(const std::string& one, const std::string& other) {
+  return one == other ? fmt::format("{} stands twice in one block", one)
+                      : fmt::format("{} and {} exclude each other in one block", one, other);
 }
 
 }  // namespace polypod::gcode

@@ -25,4 +25,7 @@ struct WrongArgument {
 };
 std::optional<WrongArgument> wrong_argument(const Block& block);
 
+/// "M3 and M4 exclude each other in one block", or that one stands there twice.
+std::string excluding(const std::string& one, const std::string& other);
+
 }  // namespace polypod::gcode

@@ -104,6 +104,9 @@ std::string missing_number_hint(std::string_view line, std::size_t at) {
       return "this is how other controllers write macros; LinuxCNC takes O words: o1 if [...] ... o1 endif, o2 while "
              "[...] ... o2 endwhile";
   }
+  if ((name == "go" || name == "mo")) {
+    return fmt::format("is the digit 0 meant, {}0?", name == "go" ? "G" : "M");
+  }
   return "is the file complete? every letter outside comments needs a number";
 }
 

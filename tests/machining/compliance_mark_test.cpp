@@ -76,6 +76,37 @@ TEST(ComplianceMark, ReadsWhatItWrites) {
     EXPECT_FALSE(ComplianceMark::from(text)) << text;
 }
 
+/// Of a pose that leaves a joint free the joints belong to the mark, to four digits.
+TEST(ComplianceMark, KeepsTheJointsOfASample) {
+  Job job = robot();
+  const Vec3 p(-0.13, -0.119, -0.001);
+  const Pose X_MT{tool_orientation(job, Vec3::Zero()), job.X_MW * p};
+  const kinematics::InverseResult inverse = kinematics::inverse(job.machine, X_MT);
+  Sample sample;
+  sample.command = p;
+  std::vector<Vec3> seen;
+  for (const kinematics::Solution& s : inverse.solutions) {
+    if (s.violations != 0) continue;
+    sample.joint_count = 6;
+    for (int i = 0; i < 6; ++i) sample.joints[static_cast<std::size_t>(i)] = static_cast<float>(s.joints[i]);
+    const auto mark = compliance_mark(job, sample);
+    ASSERT_TRUE(mark);
+    const Mat3 C = statics::compliance_at_joints(job.machine, s.joints).linear();
+    EXPECT_LT((mark->deflection - 100 * C.diagonal()).norm(), 1e-9);
+    const machine::JointVector again =
+        ComplianceMark::joints_from("(Polypod: " + mark->joints_in_words(job.machine) + ")", job.machine);
+    ASSERT_EQ(again.size(), 6);
+    EXPECT_LT((again - s.joints).cwiseAbs().maxCoeff(), units::from_deg(1e-4));
+    seen.push_back(mark->deflection);
+  }
+  ASSERT_GE(seen.size(), 2u);
+  EXPECT_GT((seen.front() - seen.back()).norm(), 10e-6);
+  for (const char* text :
+       {"", "the joints stand there at 1, 2, 3 mm or deg", "the joints stand there at 1, 2, 3, 4, 5, x mm or deg",
+        "the joints stand there at 1, 2, 3, 4, 5, 6, 7 mm or deg"})
+    EXPECT_EQ(ComplianceMark::joints_from(text, job.machine).size(), 0) << text;
+}
+
 /// A posture that the arm does not have there is refused, and the others are named.
 TEST(ComplianceMark, APostureThatIsNotThereIsNone) {
   Job job = robot();
