@@ -346,6 +346,7 @@ Status Engine::return_from(const Block& block) {
   }
   POLYPOD_TRY(leave());
   returned_ = false;
+  returned_is_told_ = true;
   returned_value_ = 0;
   if (--f.repeats > 0) {
     f.at = f.begin;
@@ -463,6 +464,7 @@ Status Engine::control(const Line& line, const Block& block) {
         if (other->second == "endsub" && other->first == label) {
           // LinuxCNC reads the value of the last line even where it passes the subprogram by.
           POLYPOD_ASSIGN(last, read_passed(blocks[i]));
+          returned_is_told_ = last.has_value() || options_.machine_known;
           if (last) {
             returned_ = !last->arguments.empty();
             returned_value_ = returned_ ? last->arguments.front() : 0;
@@ -480,6 +482,7 @@ Status Engine::control(const Line& line, const Block& block) {
     // Whatever its label: LinuxCNC does not compare it, and one that is computed has other parameters in a call.
     POLYPOD_TRY(leave());
     returned_ = !line.arguments.empty();
+    returned_is_told_ = true;
     returned_value_ = returned_ ? line.arguments.front() : 0;
     for (std::size_t i = 0; i < 30; ++i) {
       parameter(static_cast<int>(i) + 1) = f.saved[i];

@@ -394,6 +394,7 @@ class Engine final : private Parameters {
   std::unordered_map<std::string, double> globals_;
   double returned_value_ = 0;
   bool returned_ = false;
+  bool returned_is_told_ = true;  // not: it depends on what the controller holds
   bool percent_ = false;
   bool closes_ = false;  // a percent sign stands behind M2
   bool ends_ = false;

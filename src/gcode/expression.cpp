@@ -403,7 +403,10 @@ class LineReader {
       if (value && *value) return **value;
       if (value && is_named_here(name)) return 0;
       at_ = from;
-      if (!value) return error("GC169", value.error(), "give X, Y and Z before, in absolute coordinates");
+      if (!value)
+        return error("GC169", value.error(),
+                     name.starts_with("_value") ? "set the parameters that it reads at the start of the program"
+                                                : "give X, Y and Z before, in absolute coordinates");
       return error("GC162", fmt::format("#<{}> is not defined", name), "give it a value before");
     }
     POLYPOD_ASSIGN(index, parameter_index());

@@ -79,6 +79,10 @@ tl::expected<std::optional<double>, std::string> Engine::named(const std::string
         return tl::unexpected(fmt::format("#<{}>: the position is not known here", name));
       return to_machine(current_)[*k] + length_offset_[*k];
     }
+    if (!returned_is_told_ && (name == "_value" || name == "_value_returned")) {
+      return tl::unexpected(fmt::format(
+          "#<{}> is what the 'endsub' that was passed by gives, which reads what the program has not set", name));
+    }
     if (options_.any_tool && (name == "_current_pocket" || name == "_selected_pocket")) {
       return tl::unexpected(fmt::format("#<{}> is known to the controller's tool table alone", name));
     }
