@@ -529,6 +529,7 @@ double first_look(const Configuration& configuration, const Path& path, const Pl
   std::vector<LadderPoint> points;
   for (std::size_t i = 0; i < std::min(kLooked, all.size()); ++i) {
     points.push_back(all[i * all.size() / std::min(kLooked, all.size())]);
+    points.back().seconds = 0;  // whether it can be reached, at whatever speed
   }
   const Values values{chooses_c(options) ? kLookedTurns : 1, !chooses_place(options) ? 1
                                                              : chooses_c(options)    ? kLookedPlaces
