@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kForce = 100;  // N
 constexpr std::string_view kForceText = " 100 N along X, Y, Z deflect the tool by ";
-constexpr std::string_view kJointsText = "the joints stand there at ";
+constexpr std::string_view kJointsText = "the joints there are ";
 constexpr int kPlaceDigits = 3, kAngleDigits = 4, kDeflectionDigits = 2;
 
 /// The numbers of a text behind each of these, in their order; empty where one is missing.

@@ -436,7 +436,7 @@ std::optional<CorrectedFor> corrected_for(const Path& path, std::string_view mar
     if (const std::size_t at = s.text.find(kOrigin); at != std::string::npos && out->origin.empty())
       out->origin = s.text.substr(at + kOrigin.size() - 1);
     if (s.text.find(" deflect the tool by ") != std::string::npos && out->compliance.empty()) out->compliance = s.text;
-    if (s.text.find("the joints stand there at ") != std::string::npos && out->joints.empty()) out->joints = s.text;
+    if (s.text.find("the joints there are ") != std::string::npos && out->joints.empty()) out->joints = s.text;
     read_hold(s.text, *out);
   }
   return out;

@@ -102,8 +102,8 @@ TEST(ComplianceMark, KeepsTheJointsOfASample) {
   ASSERT_GE(seen.size(), 2u);
   EXPECT_GT((seen.front() - seen.back()).norm(), 10e-6);
   for (const char* text :
-       {"", "the joints stand there at 1, 2, 3 mm or deg", "the joints stand there at 1, 2, 3, 4, 5, x mm or deg",
-        "the joints stand there at 1, 2, 3, 4, 5, 6, 7 mm or deg"})
+       {"", "the joints there are 1, 2, 3 mm or deg", "the joints there are 1, 2, 3, 4, 5, x mm or deg",
+        "the joints there are 1, 2, 3, 4, 5, 6, 7 mm or deg"})
     EXPECT_EQ(ComplianceMark::joints_from(text, job.machine).size(), 0) << text;
 }
 

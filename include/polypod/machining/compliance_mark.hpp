@@ -24,7 +24,7 @@ struct ComplianceMark {
   [[nodiscard]] std::string in_words() const;
   /// The same backwards, from a text that holds it; empty for other texts.
   static std::optional<ComplianceMark> from(std::string_view text);
-  /// "the joints stand there at 2118.2235, 12.5, -77 mm or deg", a line of its own; empty without joints.
+  /// "the joints there are 2118.2235, 12.5, -77 mm or deg", a line of its own; empty without joints.
   [[nodiscard]] std::string joints_in_words(const machine::AnyMachine& machine) const;
   /// The same backwards, for a machine with as many joints; empty for other texts.
   static machine::JointVector joints_from(std::string_view text, const machine::AnyMachine& machine);
