@@ -20,6 +20,7 @@
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
+#include "polypod/kinematics/surplus.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
@@ -164,7 +165,14 @@ Result<std::string> compliant_as_corrected(const std::optional<Header>& header, 
   job.posture = header->posture;
   const std::optional<Vec3> here =
       machining::deflections_at(job, *mark, machining::ComplianceMark::joints_from(header->joints, job.machine));
-  if (!here || mark->same(*here)) return std::string();  // out of reach there: the plan says so
+  if (!here || mark->same(*here)) {  // out of reach there: the plan says so
+    if (!header->joints.empty() || !kinematics::leaves_a_joint_free(job.machine)) return std::string();
+    return fmt::format(
+        "the header does not say where the joint was that the pose leaves free: whether the program was {} for where "
+        "it "
+        "is here is not judged; correct the program of the CAM system again",
+        was);
+  }
   return fail(
       "PO125",
       fmt::format("the program was {} for a machine whose tool 100 N along X, Y, Z deflect by {} where the first "
@@ -250,11 +258,9 @@ std::optional<Error> other_joints(const Header& header, const post::Path& path, 
     least = std::min(least, away);
   }
   if (nearest == nullptr) return {};
-  const kinematics::InverseResult inverse = kinematics::inverse_near(job.machine, X_MT, nearest->joints);
-  const kinematics::Solution* s = inverse.reachable();
-  const machine::JointVector is = s != nullptr ? s->joints : nearest->joints;
+  const machine::JointVector& is = nearest->joints;
   const std::optional<Vec3> here = machining::deflections_at(given, *mark, is);
-  if (!here || mark->same(*here)) return {};
+  if (!here || mark->same(*here)) return {};  // out of reach there: the plan says so
   Eigen::Index joint = 0;
   (is - was).cwiseAbs().maxCoeff(&joint);
   const bool turns = kinematics::joint_kind(job.machine, static_cast<int>(joint)) == machine::JointKind::revolute;
@@ -286,9 +292,11 @@ Result<post::Plan> plan_from_there(const Header& header, const post::Path& path,
   Result<post::Plan> again = plan(with);
   if (!again) return again;
   if (auto still = other_joints(header, path, given, job, *again)) return tl::unexpected(std::move(*still));
-  again->notes.push_back(fmt::format(
-      "the program begins with the joints of the correction{}: bring the machine to those of its first line",
-      of_job ? ", not with `start_joints` of the job" : ""));
+  machining::ComplianceMark beginning;
+  if (!again->moves.empty()) beginning.joints = again->moves.front().joints;
+  again->notes.push_back(
+      fmt::format("the program begins where the correction did{}: bring the machine there before it starts; {}",
+                  of_job ? ", not at `start_joints` of the job" : "", beginning.joints_in_words(job.machine)));
   return again;
 }
 

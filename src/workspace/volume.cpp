@@ -91,15 +91,14 @@ auto with_limits(const M& m, const Options& options, Ask&& ask) {
 }
 
 /// What the bounds prove, or a sample where that does not come within the tolerance by so many boxes: a loose bound
-/// takes too long to be of use. Who asks for the boxes themselves gets those that there are.
+/// takes too long to be of use. Who asks for the boxes themselves gets those that there are. `loose_sides`: the sides
+/// are as loose as the volume, for finer ones would take longer than it.
 template <class Limits>
 Result<Volume> proven_or_sampled(const AnyMachine& machine, const Limits& limits, const Options& options,
-                                 std::int64_t most_boxes) {
+                                 std::int64_t most_boxes, bool loose_sides) {
   Options some = options;
-  // The sides of arms are as loose as the volume: finer ones would take longer than it.
   constexpr double kSides = 1e-3;
-  if (kinematics::is_serial(machine) && options.bounds_tolerance > 0)
-    some.bounds_tolerance = std::max(options.bounds_tolerance, kSides);
+  if (loose_sides && options.bounds_tolerance > 0) some.bounds_tolerance = std::max(options.bounds_tolerance, kSides);
   // A region of coordinates keeps its bounds, however loose.
   if (kinematics::task(machine).places()) some.max_cells = std::min(options.max_cells, most_boxes);
   const bool all = options.keep_cells || some.max_cells == options.max_cells;
@@ -192,7 +191,8 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
       [&]<class M>(const M& m) -> Result<Volume> {
         if constexpr (kByClosure<M>) {  // with the limits that are heeded here
           POLYPOD_ASSIGN(limits, ClosureLimits::of(std::make_shared<const by_closure::QuestionsTo<M>>(m), options));
-          return limits ? proven_or_sampled(machine, *limits, options, kFewBoxes) : sampled_volume(machine, options);
+          return limits ? proven_or_sampled(machine, *limits, options, kFewBoxes, true)
+                        : sampled_volume(machine, options);
         }
         if (!has_bounds(machine)) return sampled_volume(machine, options);
         return with_limits(m, options, [&]<class Limits>(const Limits& limits) -> Result<Volume> {
@@ -207,7 +207,7 @@ Result<Volume> volume(const AnyMachine& machine, const Options& options) {
                   few /= kConeCosts;
                 }
               }
-              return proven_or_sampled(machine, limits, options, few);
+              return proven_or_sampled(machine, limits, options, few, kinematics::is_serial(machine));
             }
           }
           Options some = options;

@@ -123,7 +123,8 @@ struct Volume {
 /// where for each direction some branch keeps the limits.
 ///
 /// Machines without bounds (arms without a spherical wrist, stages), or whose bounds would take too many boxes (arms
-/// with six joints: 1.2e6 for one direction, 1.5e5 for more): sampled_volume(), which proves nothing.
+/// with six joints: 1.2e6 for one direction, 1.5e5 for more; legs whose coordinates follow: 4e5, and 5e4 of a cone):
+/// sampled_volume(), which proves nothing.
 /// Bounds hold up to rounding (allowed for with 1e-12 of each limit). The same result for any number of threads.
 /// Errors: WS100 (directions out of range), WS101 (tolerance), WS110
 /// (cancelled), WS104 (a delta asked to tilt), WS105 (a distance from singular poses for another family). Cost: JEL
