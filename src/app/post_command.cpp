@@ -442,14 +442,16 @@ std::set<int> not_judged(const post::Path& path) {
 }
 
 /// The answer where the plan has no problems, with what could not be judged or is left out.
-std::string yes(const post::Path& path, const machine::AnyMachine& machine, bool without_speeds) {
+std::string yes(const post::Path& path, const machine::AnyMachine& machine, bool without_speeds,
+                bool correction_unknown) {
   const std::set<int> unknown = not_judged(path);
   const bool assumed = machine::limits_are_assumed(machine);
-  std::string out =
-      fmt::format("yes{}: every move is within reach and limits",
-                  unknown.empty() && !assumed && !without_speeds ? "" : ", apart from what was not judged");
+  std::string out = fmt::format(
+      "yes{}: every move is within reach and limits",
+      unknown.empty() && !assumed && !without_speeds && !correction_unknown ? "" : ", apart from what was not judged");
   if (assumed) out += fmt::format("; not judged: limits of the joints, {}", machine::kAssumedLimits);
   if (without_speeds) out += "; not judged: speeds of joints, see the notes";
+  if (correction_unknown) out += "; not judged: whether the correction was made for this machine, see the notes";
   if (!unknown.empty())
     out += fmt::format("; not judged: the {} {}, see the notes", unknown.size() == 1 ? "way of line" : "ways of lines",
                        fmt::join(unknown, ", "));
@@ -533,7 +535,8 @@ struct Answer {
   const post::Written& written;
   bool writes;  ///< whether the program was written to its file
   std::vector<std::string> notes;
-  bool without_speeds;  ///< of some joints no largest speed is known
+  bool without_speeds;      ///< of some joints no largest speed is known
+  bool correction_unknown;  ///< whether a corrected program is for this machine and these joints
 };
 
 Json joint_ranges_json(const Answer& answer) {
@@ -617,7 +620,8 @@ void print_answer(const Options& o, const Answer& answer) {
     fmt::print("  and {} more (--json lists all)\n", plan.problems.size() - kShownProblems);
   for (const std::string& note : answer.notes) fmt::print("note: {}\n", note);
   if (plan.ok()) {
-    fmt::print("{}\n", yes(answer.path, answer.configuration.unlocked, answer.without_speeds));
+    fmt::print("{}\n",
+               yes(answer.path, answer.configuration.unlocked, answer.without_speeds, answer.correction_unknown));
   } else if (answer.writes) {
     fmt::print("no: the machine cannot take every move\n");
   } else {
@@ -766,7 +770,8 @@ Command post_command() {
                             written,
                             writes,
                             std::move(notes),
-                            !machining::without_speed(plan_with.joint_speeds).empty()};
+                            !machining::without_speed(plan_with.joint_speeds).empty(),
+                            !not_known.empty()};
         if (context.json)
           print_json(answer_json(*o, answer));
         else
