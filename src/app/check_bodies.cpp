@@ -10,11 +10,11 @@
 
 namespace polypod::app {
 
-Result<BodyNotes> watch_bodies(const std::string& file, const machining::Job& job, bool from_job,
+Result<BodyNotes> watch_bodies(const std::string& file, const machining::Job& job, bool job_cuts,
                                machining::CheckOptions& options) {
   POLYPOD_ASSIGN(bodies, bodies::read(file, job.machine));
   BodyNotes notes;
-  if (from_job) {
+  if (job_cuts) {
     // The largest stands for every tool: what is free for it is free for all.
     cutting::Cutter largest = job.cutter;
     for (const auto& [number, cutter] : job.cutters) {
@@ -28,7 +28,7 @@ Result<BodyNotes> watch_bodies(const std::string& file, const machining::Job& jo
     bodies.all.push_back(bodies::stock_body(job.stock.min(), job.stock.max()));
     notes.emplace_back("bodies: the stock is taken as its box before any cut; the cutter may touch it");
   } else {
-    notes.emplace_back("bodies: without a job neither cutter nor stock are judged");
+    notes.emplace_back("bodies: neither cutter nor stock are judged: no job gives them");
   }
   const auto watch = std::make_shared<bodies::Watch>(job.machine, job.X_MW, std::move(bodies));
   const std::vector<std::string> of_watch = watch->notes();

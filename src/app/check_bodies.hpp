@@ -13,9 +13,9 @@ namespace polypod::app {
 
 using BodyNotes = std::vector<std::string>;
 
-/// Makes `options` ask which bodies of the file touch; from the job, where one is given, come the cutters and the box
-/// of the stock. Returns what is judged and what is not.
-Result<BodyNotes> watch_bodies(const std::string& file, const machining::Job& job, bool from_job,
+/// Makes `options` ask which bodies of the file touch; from the job, where it gives them (`job_cuts`), come the cutters and
+/// the box of the stock. Returns what is judged and what is not.
+Result<BodyNotes> watch_bodies(const std::string& file, const machining::Job& job, bool job_cuts,
                                machining::CheckOptions& options);
 
 }  // namespace polypod::app

@@ -21,6 +21,7 @@
 #include "polypod/kinematics/surplus.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
+#include "polypod/machining/made_for.hpp"
 #include "polypod/machining/place.hpp"
 #include "polypod/machining/tilted.hpp"
 #include "polypod/machining/unrolling.hpp"
@@ -35,7 +36,7 @@ Result<machining::Job> placed_machine(const Context& context, const std::string&
                                       const std::vector<std::string>& sets, const std::string& origin) {
   if (!job_path.empty()) {
     POLYPOD_TRY(refuse(context, {"--machine", "--origin", "--set"}, "the job says it; give --job alone"));
-    return machining::read_job(job_path);
+    return machining::read_job(job_path, machining::JobFor::motion);
   }
   if (machine.empty() || origin.empty()) {
     return fail("AP123", "where is the work, and on which machine?", {}, "give --job JOB, or --machine and --origin");
@@ -265,7 +266,7 @@ Command check_command() {
         if (!o->bodies.empty()) {
           POLYPOD_TRY(
               refuse(context, {"--nearest"}, "it does not look for places free of collisions; leave out --bodies"));
-          POLYPOD_ASSIGN(told, watch_bodies(o->bodies, job, !o->job.empty(), options));
+          POLYPOD_ASSIGN(told, watch_bodies(o->bodies, job, !o->job.empty() && job.cuts, options));
           body_notes = std::move(told);
         }
         POLYPOD_ASSIGN(source, gcode::read(o->program));
@@ -288,7 +289,14 @@ Command check_command() {
           result.notes.push_back(
               "the pose leaves a joint free: one choice, the nearest to the joints before, was judged");
         }
-        if (!o->job.empty() && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
+        if (const auto header = gcode::correction_header(program)) {
+          if (const auto made = machining::made_for(*header, job); !made.message.empty()) {
+            result.notes.push_back(
+                fmt::format("line {}: {}; its moves are judged as they are written, not the correction", header->line,
+                            made.message));
+          }
+        }
+        if (!o->job.empty() && job.cuts && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
           const Error why = machining::cuts_nothing(job, program, interpretation);
           result.notes.push_back(
               fmt::format("`predict` and `correct` refuse it: {} {}; {}", why.id, why.message, why.hint));

@@ -138,7 +138,7 @@ Result<Placed> placed_of(const Options& o, const Context& context) {
                 "the job names its machine; leave MACHINE out");
   }
   if (o.program.empty()) return fail("AP107", "--job does nothing here", {}, "it serves --program");
-  POLYPOD_ASSIGN(job, machining::read_job(o.job));
+  POLYPOD_ASSIGN(job, machining::read_job(o.job, machining::JobFor::motion));
   out.job = std::move(job);
   const std::string beside = machine::file_of_machine(config::beside(o.job, out.job.machine_name));
   std::error_code none;

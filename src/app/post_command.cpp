@@ -5,30 +5,26 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 #include <memory>
 #include <numbers>
 #include <optional>
 #include <set>
 
 #include "commands.hpp"
+#include "corrected_program.hpp"
 #include "messages.hpp"
 #include "polypod/core/files.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/families/serial/carried_arm.hpp"
-#include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
-#include "polypod/kinematics/surplus.hpp"
 #include "polypod/machine/assumed.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
-#include "polypod/machining/compliance_mark.hpp"
 #include "polypod/machining/job.hpp"
 #include "polypod/machining/unrolling.hpp"
 #include "polypod/post/write.hpp"
-#include "polypod/statics/compliance.hpp"
 
 namespace polypod::app {
 namespace {
@@ -50,7 +46,7 @@ struct Options {
   std::vector<std::string> sets;
   double tolerance = 10, axis_tolerance = 0.1, turn_speed = 1800, rapid = 6000, blend = 0.1, rotation = 0;
   int part = 0;
-  bool allow_problems = false;
+  bool allow_problems = false, dat = false;
 };
 
 Result<post::Dialect> dialect_of(const std::string& to) {
@@ -61,11 +57,25 @@ Result<post::Dialect> dialect_of(const std::string& to) {
   return fail("PO130", fmt::format("--to {}: there is no such language", to), {}, "give ngc, krl, rapid or urscript");
 }
 
+/// Where the data list of the program goes; empty where none is asked for. KUKA's controllers find it by its name.
+Result<std::string> data_file_of(const Options& o, post::Dialect dialect) {
+  if (!o.dat) return std::string();
+  if (dialect != post::Dialect::krl)
+    return fail("PO130", fmt::format("--dat: --to {} has no data list", o.to), {}, "it serves --to krl");
+  std::filesystem::path file = o.output;
+  if (file.extension() != ".src") {
+    return fail("PO130",
+                fmt::format("--dat: {} does not end in .src, and the data list has the name of the program", o.output),
+                {}, "give -o NAME.src");
+  }
+  return file.replace_extension(".dat").string();
+}
+
 /// Machine and place of the work, from a job or from the options.
 Result<machining::Job> placed(const Options& o, const Context& context) {
   if (!o.job.empty()) {
     POLYPOD_TRY(refuse(context, {"--machine", "--origin", "--rotation", "--set"}, "the job says it; give --job alone"));
-    return machining::read_job(o.job);
+    return machining::read_job(o.job, machining::JobFor::motion);
   }
   if (o.machine.empty()) {
     return fail("AP123", "for which machine, and where is the work?", {}, "give --job JOB, or --machine and --origin");
@@ -100,240 +110,6 @@ Result<post::Path> path_of(const Options& o, const machining::Job& given, const 
     return machining::known_offsets(given, understood.program, understood.interpretation);
   };
   return post::read_path(o.file, options);
-}
-
-/// What `correct` has written over the program; that of a program that it looked at and left as it was is no
-/// correction.
-struct Header : post::CorrectedFor {
-  bool corrected = false;
-};
-std::optional<Header> header_of(const post::Path& path) {
-  const auto corrected = post::corrected_for(path), looked_at = post::corrected_for(path, machining::kLookedAtMark);
-  if (looked_at && (!corrected || looked_at->line < corrected->line)) return Header{*looked_at, false};
-  if (corrected) return Header{*corrected, true};
-  return {};
-}
-
-/// Whether a header that holds `written` was written for this machine: a comment of a program keeps no brackets of its
-/// own, and of a long line the beginning.
-bool is_name(std::string_view written, const std::string& machine) {
-  constexpr std::string_view kCut = " ...";
-  const std::string was = gcode::comment_text(std::string(written), false), is = gcode::comment_text(machine, false);
-  if (was.ends_with(kCut)) return is.starts_with(was.substr(0, was.size() - kCut.size()));
-  return was == is;
-}
-
-/// A corrected program is right for one machine at one place.
-Status corrected_here(const std::optional<Header>& header, const post::Path& path, const machining::Job& job) {
-  if (!header || !header->corrected) return {};
-  const std::string machine = machine::name_of(job.machine), origin = machining::place_in_words(job.X_MW);
-  const Place place{path.file, header->line, 1};
-  if (!is_name(header->machine, machine)) {
-    return fail("PO125",
-                fmt::format("the program was corrected for the machine {}, not for {}", header->machine, machine),
-                place, "post it for that machine, or correct the program of the CAM system for this one");
-  }
-  if (header->origin.empty()) {
-    return fail("PO125", "the header of this corrected program does not say for which origin", place,
-                "correct the program of the CAM system again, and post what `polypod correct` writes");
-  }
-  if (header->origin != origin) {
-    return fail("PO125",
-                fmt::format("the program was corrected for the origin {} in M, not for {}", header->origin, origin),
-                place, "post it at that place, or correct the program of the CAM system for this one");
-  }
-  return {};
-}
-
-std::string um_in_words(const Vec3& d) {
-  return fmt::format("{:.2f}, {:.2f}, {:.2f} um", units::to_um(d.x()), units::to_um(d.y()), units::to_um(d.z()));
-}
-
-/// Whether the machine is as compliant, where the first cut begins, as that for which the header speaks. Gives a note
-/// where that cannot be known. Error: PO125.
-Result<std::string> compliant_as_corrected(const std::optional<Header>& header, const post::Path& path,
-                                           machining::Job job) {
-  const auto mark = header ? machining::ComplianceMark::from(header->compliance) : std::nullopt;
-  if (!mark || !is_name(header->machine, machine::name_of(job.machine)) ||
-      header->origin != machining::place_in_words(job.X_MW))
-    return std::string();  // looked at for another place, or before headers said it
-  const std::string was = header->corrected ? "corrected" : "found within its tube";
-  if (!statics::has_compliance(job.machine)) {
-    return fmt::format(
-        "the machine file has no compliances, so whether the program was {} for this machine is not judged", was);
-  }
-  job.posture = header->posture;
-  const std::optional<Vec3> here =
-      machining::deflections_at(job, *mark, machining::ComplianceMark::joints_from(header->joints, job.machine));
-  if (!here || mark->same(*here)) {  // out of reach there: the plan says so
-    if (!header->joints.empty() || !kinematics::leaves_a_joint_free(job.machine)) return std::string();
-    return fmt::format(
-        "the header does not say where the joint was that the pose leaves free: whether the program was {} for where "
-        "it "
-        "is here is not judged; correct the program of the CAM system again",
-        was);
-  }
-  return fail(
-      "PO125",
-      fmt::format("the program was {} for a machine whose tool 100 N along X, Y, Z deflect by {} where the first "
-                  "cut begins; this one they deflect by {}",
-                  was, um_in_words(mark->deflection), um_in_words(*here)),
-      Place{path.file, header->line, 1},
-      "give the job and the machine file of the correction, or correct the program of the CAM system with these");
-}
-
-constexpr const char* kCorrectForPosture =
-    "correct the program of the CAM system for the other posture (correct --branch), or at another place, and post the "
-    "result";
-constexpr const char* kCorrectForC = "correct the program of the CAM system with this C in it, and post the result";
-
-Error not_as_corrected(const Header& header, const post::Path& path, std::string message, std::string hint) {
-  return {"PO128", std::move(message), Place{path.file, header.line, 1}, std::move(hint)};
-}
-
-/// A header's verdict holds for one posture and one C. They are taken over where the command line does not say others;
-/// false where the header says nothing of them.
-Result<bool> take_hold(const std::optional<Header>& header, const post::Path& path, const machining::Job& job,
-                       const post::Configuration& configuration, const Options& o, const Context& context,
-                       post::PlanOptions& p) {
-  if (!header || (header->posture.empty() && !header->c && header->joints.empty())) return false;
-  if (!is_name(header->machine, machine::name_of(job.machine)) || header->origin != machining::place_in_words(job.X_MW))
-    return false;  // looked at for another place
-  const std::string was = header->corrected ? "the program was corrected" : "the program was found within its tube";
-  const auto refused = [&](std::string message, std::string hint) {
-    return tl::unexpected(not_as_corrected(*header, path, std::move(message), std::move(hint)));
-  };
-  const int joints = kinematics::joint_count(job.machine), now = kinematics::joint_count(configuration.machine);
-  if (joints != now) {
-    return refused(fmt::format("{} with {} joints that move, and --config {} moves {}", was, joints, o.config, now),
-                   "leave --config out, or correct the program of the CAM system with a machine file that locks the "
-                   "same joint");
-  }
-  if (!header->posture.empty() && !p.branch.empty() && p.branch != header->posture) {
-    const char* from = o.branch.empty() ? "the posture of the job," : "--branch";
-    return refused(fmt::format("{} for the posture {}, not for {} {}", was, header->posture, from, p.branch),
-                   fmt::format("leave {} out; for another posture: {}",
-                               o.branch.empty() ? "`branch` of the job" : "--branch", kCorrectForPosture));
-  }
-  if (header->c && context.given("--c")) {
-    constexpr double kWritten = units::from_deg(1e-4);  // a header has as many digits
-    if (!p.c || std::abs(std::remainder(*p.c - *header->c, 2 * std::numbers::pi)) > kWritten) {
-      return refused(fmt::format("{} for a tool that is held at C {:.7g} deg, not for --c {}", was,
-                                 units::to_deg(*header->c), o.c),
-                     std::string("leave --c out; for another C: ") + kCorrectForC);
-    }
-  }
-  if (!header->joints.empty() && context.given("--external-axis") && p.external != post::External::linear) {
-    return refused(
-        fmt::format("{} for an external axis that follows the moves, not for --external-axis {}", was, o.external),
-        "leave --external-axis out; for another place of the axis: correct the program of the CAM system "
-        "with a machine file that locks it there, or with `start_joints`, and post the result");
-  }
-  if (header->c) p.c = header->c;
-  // The correction was made for where the axis stood.
-  if (p.external == post::External::chosen && !context.given("--external-axis")) p.external = post::External::linear;
-  if (!header->posture.empty()) {
-    p.branch = header->posture;
-    p.keep_branch = true;
-  }
-  return true;
-}
-
-/// Where a plan comes to the place of the mark with other joints than those with which the program was corrected, so
-/// that the tool deflects otherwise there: why it is refused. Of a machine whose poses leave a joint free.
-std::optional<Error> other_joints(const Header& header, const post::Path& path, const machining::Job& given,
-                                  const machining::Job& job, const post::Plan& plan) {
-  const auto mark = machining::ComplianceMark::from(header.compliance);
-  const machine::JointVector was = machining::ComplianceMark::joints_from(header.joints, job.machine);
-  if (!mark || was.size() == 0 || !statics::has_compliance(job.machine)) return {};
-  const Pose X_MT = machining::pose_of(given, *mark);
-  constexpr double kLever = 0.1;  // m, by which a turn counts
-  const post::PlannedMove* nearest = nullptr;
-  double least = std::numeric_limits<double>::infinity();
-  for (const post::PlannedMove& m : plan.moves) {
-    if (m.joints.size() != was.size()) continue;
-    const double turn = rotation_vector(X_MT.R.transpose() * job.X_MW.R * m.R).norm();
-    const double away = (job.X_MW * m.tip - X_MT.p).norm() + kLever * turn;
-    if (away < least) nearest = &m;
-    least = std::min(least, away);
-  }
-  if (nearest == nullptr) return {};
-  const machine::JointVector& is = nearest->joints;
-  const std::optional<Vec3> here = machining::deflections_at(given, *mark, is);
-  if (!here || mark->same(*here)) return {};  // out of reach there: the plan says so
-  Eigen::Index joint = 0;
-  (is - was).cwiseAbs().maxCoeff(&joint);
-  const bool turns = kinematics::joint_kind(job.machine, static_cast<int>(joint)) == machine::JointKind::revolute;
-  const auto user = [turns](double v) { return turns ? units::to_deg(v) : units::to_mm(v); };
-  return not_as_corrected(
-      header, path,
-      fmt::format("the program was {} with joint {} at {:.1f} {} where the first cut begins, and 100 N along X, Y, Z "
-                  "deflect the tool by {}; here the joint comes there at {:.1f} {}, and they deflect it by {}",
-                  header.corrected ? "corrected" : "found within its tube", joint + 1, user(was[joint]),
-                  turns ? "deg" : "mm", um_in_words(mark->deflection), user(is[joint]), turns ? "deg" : "mm",
-                  um_in_words(*here)),
-      "post it with the start joints of the correction, or correct the program of the CAM system with these "
-      "(`start_joints` of the job)");
-}
-
-/// That of a machine whose poses leave a joint free, as `plan` gives it, begins where the correction began: where the
-/// joints before the program lead elsewhere, those of the header lead there, unless the command line says them.
-template <class PlanIt>
-Result<post::Plan> plan_from_there(const Header& header, const post::Path& path, const machining::Job& given,
-                                   const machining::Job& job, post::PlanOptions with, bool start_is_said,
-                                   const PlanIt& plan) {
-  Result<post::Plan> first = plan(with);
-  if (!first || header.joints.empty()) return first;
-  std::optional<Error> other = other_joints(header, path, given, job, *first);
-  if (!other) return first;
-  if (start_is_said) return tl::unexpected(std::move(*other));
-  const bool of_job = with.start_joints.has_value();
-  with.start_joints = machining::ComplianceMark::joints_from(header.joints, job.machine);
-  Result<post::Plan> again = plan(with);
-  if (!again) return again;
-  if (auto still = other_joints(header, path, given, job, *again)) return tl::unexpected(std::move(*still));
-  machining::ComplianceMark beginning;
-  if (!again->moves.empty()) beginning.joints = again->moves.front().joints;
-  again->notes.push_back(
-      fmt::format("the program begins where the correction did{}: bring the machine there before it starts; {}",
-                  of_job ? ", not at `start_joints` of the job" : "", beginning.joints_in_words(job.machine)));
-  return again;
-}
-
-/// The plan of a program whose header says how the machine held the tool.
-Result<post::Plan> plan_held(const Header& header, const post::Path& path, const post::Configuration& configuration,
-                             const post::PlanOptions& with, bool allow_problems) {
-  const std::string was = header.corrected ? "the program was corrected" : "the program was found within its tube";
-  Result<post::Plan> plan = post::plan(configuration, path, with);
-  if (!plan && plan.error().id == "PO122") {
-    return tl::unexpected(not_as_corrected(
-        header, path, fmt::format("{} for the posture {}: {}", was, header.posture, plan.error().message),
-        kCorrectForPosture));
-  }
-  if (!plan) return plan;
-  if (const post::Step* step = header.c ? post::turned_cut(path, *plan) : nullptr) {
-    return tl::unexpected(not_as_corrected(
-        header, path,
-        fmt::format("{} for a tool that is held at C {:.7g} deg, and this configuration turns it about its axis in the "
-                    "cut of line {}",
-                    was, units::to_deg(*header.c), step->line),
-        "use --config six, or auto"));
-  }
-  if (plan->ok() || !with.keep_branch || allow_problems) return plan;
-  post::PlanOptions free = with;
-  free.branch.clear();
-  free.keep_branch = false;
-  POLYPOD_ASSIGN(other, post::plan(configuration, path, free));
-  if (!other.ok()) return plan;  // it is not the posture
-  const post::PlanProblem& first = plan->problems.front();
-  return tl::unexpected(not_as_corrected(
-      header, path,
-      fmt::format(
-          "{} for the posture {}, in which the machine cannot take every move: line {}: {}: {}{}; the posture {} "
-          "takes all, but the tool deflects otherwise there",
-          was, header.posture, first.line, first.kind, first.detail,
-          plan->problems.size() > 1 ? fmt::format(" (and {} more)", plan->problems.size() - 1) : "", other.branch),
-      kCorrectForPosture));
 }
 
 post::PlanOptions plan_place(const machining::Job& job) {
@@ -461,9 +237,11 @@ std::string yes(const post::Path& path, const machine::AnyMachine& machine, bool
 }
 
 std::vector<std::string> own_notes(const Options& o, const Context& context, const post::Path& path,
-                                   const post::Plan& plan, double rotation, bool ngc,
-                                   const std::vector<double>& speeds) {
+                                   const post::Plan& plan, const post::PlanOptions& with, bool ngc,
+                                   bool external_axis) {
   std::vector<std::string> out;
+  const auto header = post::correction_header(path);
+  const bool corrected = header && header->corrected;
   std::set<int> tools;
   bool turned = false, modes = false, lengths = false;
   std::optional<double> c;
@@ -473,7 +251,8 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
                     "and not the way to it",
                     path.steps[static_cast<std::size_t>(plan.moves.front().step)].line));
   }
-  if (std::string joints = machining::without_speed(speeds); !joints.empty()) out.push_back(std::move(joints));
+  if (std::string joints = machining::without_speed(with.joint_speeds); !joints.empty())
+    out.push_back(std::move(joints));
   std::set<int> long_ways;  // lines that turn the tool about its axis by half a turn or more
   for (const post::Step& s : path.steps) {
     if (s.moves() && s.tool != 0) tools.insert(s.tool);
@@ -496,7 +275,7 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
     out.push_back(fmt::format("{} {} written as chords, off by up to {:.1f} um{}", plan.chorded,
                               plan.chorded == 1 ? "arc or helix is" : "arcs and helices are",
                               units::to_um(plan.chord_error),
-                              post::corrected_for(path) ? ", which the tube of the correction does not count" : ""));
+                              corrected ? ", which the tube of the correction does not count" : ""));
   }
   if (!ngc && !long_ways.empty()) {
     out.push_back(fmt::format(
@@ -510,15 +289,20 @@ std::vector<std::string> own_notes(const Options& o, const Context& context, con
     out.push_back(
         fmt::format("the path modes of the program (G61, G61.1, G64) are replaced by {}{}",
                     o.blend > 0 ? fmt::format("--corner-blend {:g} mm", o.blend) : "exact stop (--corner-blend 0)",
-                    post::corrected_for(path) ? ": the correction was made for its own" : ""));
+                    corrected ? ": the correction was made for its own" : ""));
   }
   if (path.program && !modes && ngc && !context.given("--corner-blend"))
     out.emplace_back("the program says no path mode (G61, G64): that of the controller counts");
   if (path.program && !lengths && ngc)
     out.emplace_back("the program has no G43 and no G49: the tool length in force on the controller counts");
-  if (rotation != 0 && ngc) {
+  if (!ngc && external_axis && with.external != post::External::linear) {
+    out.emplace_back(
+        "`check` judges collisions with the external axis as it follows the moves, not as it stands here: "
+        "--external-axis follows writes that");
+  }
+  if (with.rotation != 0 && ngc) {
     out.push_back(fmt::format("G54 of the controller must be turned too: G10 L2 P1 X Y Z R{:g}, with the origin",
-                              units::to_deg(rotation)));
+                              units::to_deg(with.rotation)));
   }
   return out;
 }
@@ -533,7 +317,8 @@ struct Answer {
   const post::Path& path;
   const post::Plan& plan;
   const post::Written& written;
-  bool writes;  ///< whether the program was written to its file
+  bool writes;            ///< whether the program was written to its file
+  std::string data_file;  ///< beside it; empty: none
   std::vector<std::string> notes;
   bool without_speeds;      ///< of some joints no largest speed is known
   bool correction_unknown;  ///< whether a corrected program is for this machine and these joints
@@ -630,7 +415,7 @@ void print_answer(const Options& o, const Answer& answer) {
         "--allow-problems)\n",
         o.job.empty() ? "with --origin" : "in the job");
   }
-  if (answer.writes) fmt::print("wrote {}\n", o.output);
+  if (answer.writes) fmt::print("wrote {}{}\n", o.output, answer.data_file.empty() ? "" : " and " + answer.data_file);
 }
 
 }  // namespace
@@ -689,6 +474,9 @@ Command post_command() {
             "How far the controller may round corners, mm: P of G64, C_DIS, zone, r (0: exact stop, G61). Default: the "
             "path modes of the program; 0.1 where it has none");
         a.option("--part", o->part, kPart, "Robots: moves in a subprogram (default 0: no subprograms)");
+        a.flag("--dat", o->dat,
+               "krl: base, tool and the start in a data list, OUT with .dat in place of .src, where the panel of the "
+               "controller can change them");
         a.flag("--allow-problems", o->allow_problems,
                "Write the program even if a move is out of reach or beyond a limit");
       },
@@ -705,7 +493,10 @@ Command post_command() {
         } else {
           POLYPOD_TRY(refuse(context, {"--feed"}, "it serves --to ngc"));
         }
-        POLYPOD_TRY(check_files({o->file, o->job, o->machine}, {o->output}, context.json));
+        POLYPOD_ASSIGN(data_file, data_file_of(*o, dialect));
+        std::vector<std::string> outputs{o->output};
+        if (o->dat) outputs.push_back(data_file);
+        POLYPOD_TRY(check_files({o->file, o->job, o->machine}, outputs, context.json));
         POLYPOD_ASSIGN(given, placed(*o, context));
         machining::Job job = given;
         take_frame_of_g54(job);
@@ -725,17 +516,17 @@ Command post_command() {
           return fail("PO129", fmt::format("the program commands C itself, so --c {} cannot act", o->c),
                       Place{path.file, path.c_line, 1}, "leave --c out, or the C words of the program");
         }
-        const std::optional<Header> header = header_of(path);
-        POLYPOD_TRY(corrected_here(header, path, given));
-        POLYPOD_ASSIGN(not_known, compliant_as_corrected(header, path, given));
-        POLYPOD_ASSIGN(held, take_hold(header, path, given, configuration, *o, context, plan_with));
-        const auto plan_it = [&](const post::PlanOptions& with) {
-          return held ? plan_held(*header, path, configuration, with, o->allow_problems)
-                      : post::plan(configuration, path, with);
-        };
-        POLYPOD_ASSIGN(
-            plan, held ? plan_from_there(*header, path, given, job, plan_with, context.given("--start-joints"), plan_it)
-                       : plan_it(plan_with));
+        const HoldSaid said{o->config,
+                            o->branch,
+                            o->c,
+                            o->external,
+                            context.given("--c"),
+                            context.given("--external-axis"),
+                            context.given("--start-joints"),
+                            o->allow_problems};
+        POLYPOD_ASSIGN(program, CorrectedProgram::of(path, given, job));
+        POLYPOD_TRY(program.take_hold(configuration, said, plan_with));
+        POLYPOD_ASSIGN(plan, program.plan(configuration, plan_with, said));
         plan_with.progress(1);
         post::WriteOptions write_with;
         write_with.name = std::filesystem::path(o->output).stem().string();
@@ -744,6 +535,7 @@ Command post_command() {
         write_with.rapid_speed = plan_with.rapid_speed;
         write_with.blend = units::from_mm(o->blend);
         write_with.moves_per_part = o->part;
+        write_with.data_list = o->dat;
         write_with.origin = plan_with.origin;
         write_with.rotation = plan_with.rotation;
         write_with.blend_overrides = context.given("--corner-blend");
@@ -755,23 +547,25 @@ Command post_command() {
         POLYPOD_ASSIGN(written, post::write(dialect, configuration, path, plan, write_with));
         const bool writes = plan.ok() || o->allow_problems;
         if (writes) POLYPOD_TRY(files::write_whole(o->output, written.text));
+        if (writes && o->dat) POLYPOD_TRY(files::write_whole(data_file, written.data));
         std::vector<std::string> notes = path.notes;
         notes.insert(notes.end(), plan.notes.begin(), plan.notes.end());
         notes.insert(notes.end(), written.notes.begin(), written.notes.end());
-        if (held && plan_with.keep_branch && !plan.ok()) {
+        if (program.holds() && plan_with.keep_branch && !plan.ok()) {
           notes.push_back(fmt::format("the program is judged in the posture {}, that of its header", plan_with.branch));
         }
-        if (!not_known.empty()) notes.push_back(not_known);
-        const auto own = own_notes(*o, context, path, plan, plan_with.rotation, ngc, plan_with.joint_speeds);
+        if (!program.not_judged().empty()) notes.push_back(program.not_judged());
+        const auto own = own_notes(*o, context, path, plan, plan_with, ngc, has_external_axis(configuration));
         notes.insert(notes.end(), own.begin(), own.end());
         const Answer answer{configuration,
                             path,
                             plan,
                             written,
                             writes,
+                            data_file,
                             std::move(notes),
                             !machining::without_speed(plan_with.joint_speeds).empty(),
-                            !not_known.empty()};
+                            !program.not_judged().empty()};
         if (context.json)
           print_json(answer_json(*o, answer));
         else

@@ -32,5 +32,16 @@ extern template Result<Volume> subdivided_volume(const ThreeParallelLimits&, con
 extern template Result<bool> subdivided_holds(const ThreeParallelLimits&, const Options&, const Shape&, std::int64_t);
 extern template Result<Volume> subdivided_volume(const CartesianLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const CartesianLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const ScaraLimits&, const Options&, bool);
+extern template Result<bool> subdivided_holds(const ScaraLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const OneMoreLimits<ArmLimits>&, const Options&, bool);
+extern template Result<bool> subdivided_holds(const OneMoreLimits<ArmLimits>&, const Options&, const Shape&,
+                                              std::int64_t);
+extern template Result<Volume> subdivided_volume(const OneMoreLimits<SixJointLimits>&, const Options&, bool);
+extern template Result<bool> subdivided_holds(const OneMoreLimits<SixJointLimits>&, const Options&, const Shape&,
+                                              std::int64_t);
+extern template Result<Volume> subdivided_volume(const OneMoreLimits<ThreeParallelLimits>&, const Options&, bool);
+extern template Result<bool> subdivided_holds(const OneMoreLimits<ThreeParallelLimits>&, const Options&, const Shape&,
+                                              std::int64_t);
 
 }  // namespace polypod::workspace

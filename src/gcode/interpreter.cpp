@@ -485,10 +485,6 @@ class Interpreter {
       if (p->value < 0)
         return error(*p, "GC134", fmt::format("G4 with the negative time {}", text_of(*p)), "use P >= 0");
     }
-    if (const Word* cancel = g_word(Group::cancel); cancel != nullptr && (axis_words_ || acting_ >= 2)) {
-      return error(*cancel, "GC125", fmt::format("{} beside a motion", text_of(*cancel)),
-                   "only the plain cancelling word is supported");
-    }
     if (axis_words_ && acting_ < 0 && !to_machine_) {
       const char letter = has('X') ? 'X' : has('Y') ? 'Y' : has('Z') ? 'Z' : has('A') ? 'A' : has('B') ? 'B' : 'C';
       const Word& word = *find(letter);

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "polypod/core/units.hpp"
+#include "polypod/gcode/header.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -17,8 +18,6 @@ namespace polypod::machining {
 namespace {
 
 constexpr double kForce = 100;  // N
-constexpr std::string_view kForceText = " 100 N along X, Y, Z deflect the tool by ";
-constexpr std::string_view kJointsText = "the joints there are ";
 constexpr int kPlaceDigits = 3, kAngleDigits = 4, kDeflectionDigits = 2;
 
 /// The numbers of a text behind each of these, in their order; empty where one is missing.
@@ -44,12 +43,12 @@ std::string ComplianceMark::in_words() const {
   const auto deg = [](double x) { return gcode::number(units::to_deg(x), kAngleDigits); };
   const auto um = [](double x) { return gcode::number(units::to_um(x), kDeflectionDigits); };
   return fmt::format("at X{} Y{} Z{} A{} B{} C{}{}{}, {}, {} um", mm(p.x()), mm(p.y()), mm(p.z()), deg(axes.x()),
-                     deg(axes.y()), deg(axes.z()), kForceText, um(deflection.x()), um(deflection.y()),
+                     deg(axes.y()), deg(axes.z()), gcode::kDeflectText, um(deflection.x()), um(deflection.y()),
                      um(deflection.z()));
 }
 
 std::optional<ComplianceMark> ComplianceMark::from(std::string_view text) {
-  const auto found = numbers_behind<9>(text, {"at X", " Y", " Z", " A", " B", " C", kForceText, ", ", ", "});
+  const auto found = numbers_behind<9>(text, {"at X", " Y", " Z", " A", " B", " C", gcode::kDeflectText, ", ", ", "});
   if (!found) return {};
   const std::array<double, 9>& v = *found;
   ComplianceMark out;
@@ -74,13 +73,13 @@ std::string ComplianceMark::joints_in_words(const machine::AnyMachine& machine) 
     const bool turns = kinematics::joint_kind(machine, i) == machine::JointKind::revolute;
     values.push_back(gcode::number(turns ? units::to_deg(joints[i]) : units::to_mm(joints[i]), kAngleDigits));
   }
-  return fmt::format("{}{} mm or deg", kJointsText, fmt::join(values, ", "));
+  return fmt::format("{}{} mm or deg", gcode::kJointsText, fmt::join(values, ", "));
 }
 
 machine::JointVector ComplianceMark::joints_from(std::string_view text, const machine::AnyMachine& machine) {
-  const std::size_t at = text.find(kJointsText);
+  const std::size_t at = text.find(gcode::kJointsText);
   if (at == std::string_view::npos) return {};
-  text.remove_prefix(at + kJointsText.size());
+  text.remove_prefix(at + gcode::kJointsText.size());
   const int n = kinematics::joint_count(machine);
   machine::JointVector out(n);
   for (int i = 0; i < n; ++i) {

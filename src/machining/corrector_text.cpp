@@ -155,10 +155,10 @@ std::vector<std::string> Corrector::header_lines() const {
     if (cutters.find(cutter) == std::string::npos) cutters += cutter;
   }
   const auto changed = std::count(changed_.begin(), changed_.end(), true);
-  std::vector<std::string> header{
-      fmt::format("{} {}", changed > 0 ? kCorrectedMark : kLookedAtMark, machine::name_of(job_.machine)),
-      fmt::format("Polypod: tube radius {:g} um, {}origin {}", units::to_um(job_.tolerance), cutters,
-                  place_in_words(job_.X_MW))};
+  std::vector<std::string> header{fmt::format("{} {}", changed > 0 ? std::string_view(kCorrectedMark) : kLookedAtMark,
+                                              machine::name_of(job_.machine)),
+                                  fmt::format("Polypod: tube radius {:g} um, {}origin {}", units::to_um(job_.tolerance),
+                                              cutters, place_in_words(job_.X_MW))};
   header.push_back(changed > 0
                        ? fmt::format("Polypod: {} of {} moves rewritten, do not correct again", changed, moves_.size())
                        : fmt::format("Polypod: nothing was corrected, {} moves are as they were", moves_.size()));
@@ -192,13 +192,14 @@ std::string Corrector::hold_in_words() const {
   std::string out;
   if (!out_.before.moves.empty()) {
     const gcode::Move& first = moves_[static_cast<std::size_t>(out_.before.moves.front().move)];
-    if (const std::string name = posture_at_start(job_, first); !name.empty()) out = "posture " + name;
+    if (const std::string name = posture_at_start(job_, first); !name.empty())
+      out = std::string(gcode::kPostureText) + name;
   }
   if (kinematics::task(job_.machine).holds(machine::Coordinate::c)) {
     if (const auto c = held_c()) {
       constexpr int kDecimals = 4;
-      out +=
-          fmt::format("{}tool held at C {} deg", out.empty() ? "" : ", ", gcode::number(units::to_deg(*c), kDecimals));
+      out += fmt::format("{}{}{} deg", out.empty() ? "" : ", ", gcode::kHeldText,
+                         gcode::number(units::to_deg(*c), kDecimals));
     }
   }
   return out;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 
@@ -74,6 +75,23 @@ Status read_tools(const config::Table& table, Job& job) {
     }
     POLYPOD_TRY(tool.finish());
   }
+  return {};
+}
+
+/// Tolerance, cutters, material and stock.
+Status read_cut(const config::Table& table, Job& job) {
+  POLYPOD_ASSIGN(tolerance, table.number("tolerance_um", {kLeastTolerance, 1e5}));
+  job.tolerance = units::from_um(tolerance);
+  POLYPOD_TRY(read_tools(table, job));
+  POLYPOD_ASSIGN(material_table, table_or_file(table, "material", job.path));
+  POLYPOD_ASSIGN(material, cutting::material_from(material_table));
+  job.material = std::move(material);
+  const cutting::Cutter* smallest = &job.cutter;
+  for (const auto& [number, cutter] : job.cutters)
+    if (cutter.diameter < smallest->diameter) smallest = &cutter;
+  POLYPOD_ASSIGN(stock_table, table.table("stock"));
+  POLYPOD_ASSIGN(stock, cutting::stock_from(stock_table, *smallest));
+  job.stock = std::move(stock);
   return {};
 }
 
@@ -273,7 +291,7 @@ Status follows_programs(const machine::AnyMachine& machine) {
               {}, "take a machine whose task holds x, y and z");
 }
 
-Result<Job> read_job(const std::string& path) {
+Result<Job> read_job(const std::string& path, JobFor purpose) {
   POLYPOD_ASSIGN(table, config::read_file(path));
   Job job;
   job.path = path;
@@ -286,19 +304,11 @@ Result<Job> read_job(const std::string& path) {
   POLYPOD_TRY(follows_programs(machine));
   job.machine = std::move(machine);
   job.machine_name = machine_name;
-  POLYPOD_ASSIGN(tolerance, table.number("tolerance_um", {kLeastTolerance, 1e5}));
-  job.tolerance = units::from_um(tolerance);
   POLYPOD_TRY(read_workpiece(table, job));
-  POLYPOD_TRY(read_tools(table, job));
-  POLYPOD_ASSIGN(material_table, table_or_file(table, "material", path));
-  POLYPOD_ASSIGN(material, cutting::material_from(material_table));
-  job.material = std::move(material);
-  const cutting::Cutter* smallest = &job.cutter;
-  for (const auto& [number, cutter] : job.cutters)
-    if (cutter.diameter < smallest->diameter) smallest = &cutter;
-  POLYPOD_ASSIGN(stock_table, table.table("stock"));
-  POLYPOD_ASSIGN(stock, cutting::stock_from(stock_table, *smallest));
-  job.stock = std::move(stock);
+  constexpr std::array kOfTheCut{"tolerance_um", "cutter", "tool", "material", "stock"};
+  job.cuts = purpose == JobFor::cutting ||
+             std::any_of(kOfTheCut.begin(), kOfTheCut.end(), [&](const char* key) { return table.has(key); });
+  if (job.cuts) POLYPOD_TRY(read_cut(table, job));
   POLYPOD_ASSIGN(step, table.optional_number("step_mm", 0.5, {0.01, 10}));
   job.step = units::from_mm(step);
   POLYPOD_ASSIGN(block_delete, table.optional_boolean("block_delete", false));

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <initializer_list>
 
@@ -310,22 +309,6 @@ Result<Step> judged_step(const gcode::Move& move, const Place& place) {
   return s;
 }
 
-/// "Polypod: posture front elbow-up, tool held at C 30 deg", or either of the two.
-void read_hold(const std::string& text, CorrectedFor& out) {
-  constexpr std::string_view kPosture = "Polypod: posture ", kHeld = "tool held at C ", kComma = ", ";
-  const std::size_t posture = text.find(kPosture), held = text.find(kHeld);
-  if (posture != std::string::npos) {
-    const std::size_t begin = posture + kPosture.size();
-    out.posture = text.substr(begin, held == std::string::npos ? held : held - kComma.size() - begin);
-  }
-  if (held == std::string::npos || (posture == std::string::npos && text.find("Polypod: tool") == std::string::npos))
-    return;
-  const char* number = text.c_str() + held + kHeld.size();
-  double deg = 0;
-  const auto [end, code] = std::from_chars(number, text.c_str() + text.size(), deg);
-  if (code == std::errc{} && std::isfinite(deg)) out.c = units::from_deg(deg);
-}
-
 /// The first line, if any, of what a note tells.
 struct Firsts {
   int incomplete = 0, length_change = 0, other_offset = 0, plain_turn = 0;
@@ -420,26 +403,11 @@ Result<Path> read_program(const std::string& file, const ProgramOptions& options
   return out;
 }
 
-std::optional<CorrectedFor> corrected_for(const Path& path, std::string_view mark) {
-  constexpr std::string_view kAnyMark = " for the static compliance of ";  // of whatever header
-  const std::string begin = std::string(mark) + ' ';
-  std::optional<CorrectedFor> out;
-  for (const Step& s : path.steps) {
-    if (s.kind != StepKind::comment || s.text.find("Polypod: ") == std::string::npos) continue;
-    if (out && s.text.find(kAnyMark) != std::string::npos) break;
-    if (const std::size_t at = s.text.find(begin); at != std::string::npos) {
-      out = CorrectedFor{s.line, s.text.substr(at + begin.size()), "", "", {}, "", ""};
-      continue;
-    }
-    if (!out) continue;
-    constexpr std::string_view kOrigin = "origin X";
-    if (const std::size_t at = s.text.find(kOrigin); at != std::string::npos && out->origin.empty())
-      out->origin = s.text.substr(at + kOrigin.size() - 1);
-    if (s.text.find(" deflect the tool by ") != std::string::npos && out->compliance.empty()) out->compliance = s.text;
-    if (s.text.find("the joints there are ") != std::string::npos && out->joints.empty()) out->joints = s.text;
-    read_hold(s.text, *out);
-  }
-  return out;
+std::optional<gcode::CorrectionHeader> correction_header(const Path& path) {
+  std::vector<gcode::Remark> remarks;
+  for (const Step& s : path.steps)
+    if (s.kind == StepKind::comment) remarks.push_back({s.line, s.text});
+  return gcode::correction_header(remarks);
 }
 
 Result<Path> read_path(const std::string& file, const ProgramOptions& options) {

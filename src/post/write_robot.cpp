@@ -95,6 +95,8 @@ class Language {
   virtual void stop(bool optional) = 0;
   virtual void dwell(double seconds) = 0;
   [[nodiscard]] virtual std::string text(const std::string& name) const = 0;
+  /// The data list of the program; empty where the language has none.
+  [[nodiscard]] virtual std::string data(const std::string&) const { return ""; }
 
  protected:
   void add(std::string text, bool moves = false) { body_.push_back({std::move(text), moves}); }
@@ -140,15 +142,16 @@ class Krl final : public Language {
 
   void begin(const Pose& X_BW, const Pose& X_FT) override {
     head_.push_back("BAS(#INITMOV,0)");
-    head_.push_back("$BASE=" + frame(X_BW) + "}");
-    head_.push_back("$TOOL=" + frame(X_FT) + "}");
+    head_.push_back("$BASE=" + datum("FRAME", kBase, frame(X_BW) + "}"));
+    head_.push_back("$TOOL=" + datum("FRAME", kTool, frame(X_FT) + "}"));
     if (options_.blend > 0) {
       blend_ = fmt::format("$APO.CDIS={}", number(units::to_mm(options_.blend), 4));
       head_.push_back(blend_);
     }
   }
   void first(const PlannedMove& m, const Posture& posture) override {
-    add("PTP " + frame({m.R, m.tip}) + bits(posture) + e1(m.external) + "}", true);
+    const char* type = external_ == nullptr ? "POS" : "E6POS";
+    add("PTP " + datum(type, kStart, frame({m.R, m.tip}) + bits(posture) + e1(m.external) + "}"), true);
   }
   void line(const PlannedMove& m, const Posture& posture, double speed, double blend) override {
     const bool turns_only = !(m.length > 0);
@@ -188,8 +191,22 @@ class Krl final : public Language {
     }
     return out;
   }
+  [[nodiscard]] std::string data(const std::string& name) const override {
+    if (!options_.data_list) return "";
+    std::string out = "&ACCESS RVP\n" + fmt::format("DEFDAT {} PUBLIC\n", name);
+    for (const std::string& d : data_) out += d + "\n";
+    return out + "ENDDAT\n";
+  }
 
  private:
+  static constexpr const char *kBase = "WORK_BASE", *kTool = "WORK_TOOL", *kStart = "WORK_START";
+
+  /// A value where it is used, or its name where it stands in the data list.
+  std::string datum(const char* type, const char* name, std::string value) {
+    if (!options_.data_list) return value;
+    data_.push_back(fmt::format("DECL {} {}={}", type, name, value));
+    return name;
+  }
   /// {X, Y, Z, A, B, C without its closing bracket: A turns about z, B about y, C about x.
   static std::string frame(const Pose& X) {
     const Vec3 a = angles_abc(X.R);
@@ -222,6 +239,7 @@ class Krl final : public Language {
     blend_ = text;
   }
   std::string velocity_, blend_, turning_;
+  std::vector<std::string> data_;
 };
 
 // ABB RAPID -----------------------------------------------------------------------------------------------------------
@@ -629,7 +647,9 @@ Result<Written> write_robot(Dialect dialect, const Configuration& configuration,
     }
   }
   if (path.program) language->comment("end of the program: spindle and coolant off");
-  out.text = language->text(identifier(options.name, 24));
+  const std::string name = identifier(options.name, 24);
+  out.text = language->text(name);
+  out.data = language->data(name);
   out.lines = static_cast<int>(std::count(out.text.begin(), out.text.end(), '\n'));
   out.notes.push_back(
       "spindle, coolant and tool changes stand as comments: wire them to the outputs of the cell, or they do not "

@@ -406,7 +406,7 @@ TEST(Programs, TheHeaderOfACorrectedProgramIsKept) {
     for (const char* part :
          {"Polypod: corrected for the static compliance of lola50", "origin X-50 Y-1335 Z0 mm", "do not correct again"})
       EXPECT_THAT(p.written.text, HasSubstr(part));
-    const auto header = post::corrected_for(p.path);
+    const auto header = post::correction_header(p.path);
     ASSERT_TRUE(header);
     EXPECT_EQ(header->machine, "lola50");
     EXPECT_EQ(header->origin, "X-50 Y-1335 Z0 mm");
@@ -414,15 +414,15 @@ TEST(Programs, TheHeaderOfACorrectedProgramIsKept) {
   }
   std::string turned = text;
   turned.replace(turned.find("Z0 mm"), 5, "Z0 mm, turned by 30 deg about z");
-  const auto header = post::corrected_for(value(Source(turned).read()));
+  const auto header = post::correction_header(value(Source(turned).read()));
   ASSERT_TRUE(header);
   EXPECT_EQ(header->origin, "X-50 Y-1335 Z0 mm, turned by 30 deg about z");
-  EXPECT_FALSE(post::corrected_for(value(Source(kStop).read())));
+  EXPECT_FALSE(post::correction_header(value(Source(kStop).read())));
 }
 
 TEST(Programs, TheHeaderSaysHowTheToolWasHeld) {
   const auto header = [](const std::string& lines) {
-    return post::corrected_for(value(Source(lines + "G21 G90 G54 G61.1\nG0 X0 Y0 Z30\nG1 X20 F300\nM2\n").read()));
+    return post::correction_header(value(Source(lines + "G21 G90 G54 G61.1\nG0 X0 Y0 Z30\nG1 X20 F300\nM2\n").read()));
   };
   const std::string mark = "(Polypod: corrected for the static compliance of lola50)\n";
   const std::string place = "(Polypod: tube radius 100 um, cutter 5 mm with 3 teeth, origin X-50 Y-1335 Z0 mm)\n";

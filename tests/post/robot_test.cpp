@@ -216,6 +216,36 @@ TEST(Robots, TheirProgramsHoldTheMovesOfThePlan) {
   }
 }
 
+/// With the names of a data list replaced by what stands there, the program is that with the values in their places.
+TEST(Robots, TheDataListOfKrlHoldsWhatTheProgramNames) {
+  const post::Path path = value(post::read_path(test::example("part.cl")));
+  const test::Case c = test::cases().front();
+  post::WriteOptions options;
+  const Posted inline_values =
+      test::post_to(Dialect::krl, test::machine_of(c), c.config, path, c.origin_mm, {}, options);
+  EXPECT_EQ(inline_values.written.data, "");
+  options.data_list = true;
+  const Posted named = test::post_to(Dialect::krl, test::machine_of(c), c.config, path, c.origin_mm, {}, options);
+  std::string text = named.written.text;
+  const std::vector<std::string> data = lines_of(named.written.data);
+  ASSERT_EQ(data.size(), 6u);
+  EXPECT_EQ(data[1], "DEFDAT PART PUBLIC");
+  EXPECT_EQ(data.back(), "ENDDAT");
+  const std::regex declared(R"(DECL (FRAME|POS) (WORK_[A-Z]+)=(\{.*\}))");
+  for (std::size_t i = 2; i + 1 < data.size(); ++i) {
+    std::smatch m;
+    ASSERT_TRUE(std::regex_match(data[i], m, declared)) << data[i];
+    const std::size_t at = text.find(m.str(2));
+    ASSERT_NE(at, std::string::npos) << m.str(2);
+    text.replace(at, m.str(2).size(), m.str(3));
+    EXPECT_EQ(text.find(m.str(2)), std::string::npos) << "named once";
+  }
+  EXPECT_EQ(text, inline_values.written.text);
+  options.data_list = true;
+  EXPECT_EQ(test::post_to(Dialect::rapid, test::machine_of(c), c.config, path, c.origin_mm, {}, options).written.data,
+            "");
+}
+
 /// Between two points the robot turns its tool about one axis: the tool axis stays within the tolerance.
 TEST(Robots, TheAxisStaysOnItsWayBetweenPoints) {
   const post::Path path = value(post::parse_cl(

@@ -28,6 +28,7 @@ struct Random {
 struct SixCase {
   std::string name, machine;
   std::vector<std::array<double, 2>> ranges;  ///< deg, of joints 1 to 6; empty: those of the catalogue
+  double coupling = 0;                        ///< of joint 3 to joint 2
 };
 
 constexpr std::array<double, 2> kWhole{-360, 360};
@@ -65,6 +66,11 @@ const std::vector<SixCase>& cases() {
       {"UR10e, elbow of both", "ur10e", {kWhole, kWhole, {-100, 155}, kWhole, kWhole, kWhole}},
       {"gantry with a fork head", "gantry-fork", {}},
       {"gantry with a head that nods", kSwivel, {}},
+      {"parallelogram", "abb-irb6700", {}, -1},
+      {"coupled the other way",
+       "kuka-kr210",
+       {{-60, 80}, {-110, -40}, {-60, 130}, {-100, 60}, {10, 100}, {-90, 120}},
+       1},
       {"flipped", "abb-irb6700", {{-170, 170}, {-65, 85}, {-180, 70}, {-80, 80}, {-130, -5}, {-60, 60}}},
   };
   return all;
@@ -79,6 +85,10 @@ machine::SerialArm arm_of(const SixCase& c) {
     if (row.locked || c.ranges.empty()) continue;
     row.range = {units::from_deg(c.ranges[next][0]), units::from_deg(c.ranges[next][1])};
     ++next;
+  }
+  if (c.coupling != 0) {
+    arm.dh[2].coupled_back = 1;
+    arm.dh[2].coupling = c.coupling;
   }
   return arm;
 }

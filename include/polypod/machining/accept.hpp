@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "polypod/core/error.hpp"
+#include "polypod/gcode/header.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/machining/job.hpp"
 
@@ -77,6 +78,6 @@ using gcode::kCorrectedMark;
 /// The line that says that Polypod corrected this program; 0: none does.
 int corrected_line(const gcode::Program& program);
 /// And the one of a program in which nothing was corrected: it is taken again.
-inline constexpr const char* kLookedAtMark = "Polypod: looked at, not corrected, for the static compliance of";
+using gcode::kLookedAtMark;
 
 }  // namespace polypod::machining

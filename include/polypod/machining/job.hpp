@@ -76,6 +76,7 @@ struct Job {
                                    Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};  ///< origins of G54..G59 in W, m
   /// Which of them the job says; the origin of G54 is that of W unless it says otherwise.
   std::array<bool, 6> offset_given{true, false, false, false, false, false};
+  bool cuts = true;                        ///< tolerance, cutter, material and stock are given
   cutting::Cutter cutter;                  ///< for every tool number that has none of its own
   std::map<int, cutting::Cutter> cutters;  ///< by T number
   cutting::Material material;
@@ -133,7 +134,11 @@ Status follows_programs(const machine::AnyMachine& machine);
 /// The material with all forces multiplied.
 cutting::Material scaled_forces(cutting::Material material, double factor);
 
-/// Reads a job file (docs/job-files.md); paths in it are relative to it. Errors: MC1xx and those of the parts.
-Result<Job> read_job(const std::string& path);
+/// What a job is read for: the cut, or the machine's motion alone.
+enum class JobFor : std::uint8_t { cutting, motion };
+
+/// Reads a job file (docs/job-files.md); paths in it are relative to it. A job that is read for motion needs no
+/// tolerance, cutter, material and stock: it has all of them or none (Job::cuts). Errors: MC1xx and those of the parts.
+Result<Job> read_job(const std::string& path, JobFor purpose = JobFor::cutting);
 
 }  // namespace polypod::machining

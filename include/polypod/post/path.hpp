@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "polypod/core/error.hpp"
+#include "polypod/gcode/header.hpp"
 #include "polypod/gcode/interpreter.hpp"
 #include "polypod/gcode/unroll.hpp"
 #include "polypod/geometry/pose.hpp"
@@ -108,18 +109,8 @@ struct ProgramOptions {
 /// place is not known; PO118 a word that is not carried over; PO126 `/` without block_delete_said. Cost: linear.
 Result<Path> read_program(const std::string& file, const ProgramOptions& options = {});
 
-/// What the header of a corrected program says: for which machine and origin, and how the machine held the tool.
-struct CorrectedFor {
-  int line = 0;
-  std::string machine;
-  std::string origin;       ///< "X-50 Y-1335 Z0 mm", ", turned by 30 deg about z"; empty where the header has none
-  std::string posture;      ///< the name of the branch; empty where the header has none
-  std::optional<double> c;  ///< rad, the rotation about the tool axis; empty where the header has none
-  std::string compliance;   ///< its line with what 100 N do to the tool; empty where the header has none
-  std::string joints;       ///< the line behind that, of a machine whose poses leave a joint free; else empty
-};
-/// That of the first header with this mark, for programs that were corrected again have several.
-std::optional<CorrectedFor> corrected_for(const Path& path, std::string_view mark = gcode::kCorrectedMark);
+/// What `correct` wrote over the program; that of the first header, for programs that were corrected again have several.
+std::optional<gcode::CorrectionHeader> correction_header(const Path& path);
 
 /// Whether a text is an APT CL file: its first statement is a word of APT (`GOTO/`, `PARTNO`, `$$`).
 bool looks_like_cl(std::string_view text);

@@ -13,7 +13,7 @@ namespace polypod::post {
 
 enum class Dialect : std::uint8_t {
   ngc,      ///< RS-274/NGC of LinuxCNC
-  krl,      ///< KUKA robot language, one .src file
+  krl,      ///< KUKA robot language, one .src file, and a .dat where asked for
   rapid,    ///< ABB RAPID, one module
   urscript  ///< Universal Robots
 };
@@ -33,14 +33,16 @@ struct WriteOptions {
   bool blend_overrides = false;
   double acceleration = 1.2;   ///< m/s^2, `a` of URScript
   int moves_per_part = 0;      ///< robots: moves in a subprogram; 0: no subprograms
+  bool data_list = false;      ///< krl: frames and start in a data list, where the controller's panel can change them
   Vec3 origin = Vec3::Zero();  ///< as of the plan
   double rotation = 0;         ///< as of the plan
 };
 
 struct Written {
   std::string text;
-  int lines = 0;  ///< of the text
-  int moves = 0;  ///< blocks that move
+  std::string data;  ///< krl with data_list: what stands in the .dat beside it; else empty
+  int lines = 0;     ///< of the text
+  int moves = 0;     ///< blocks that move
   std::vector<std::string> notes;
 };
 

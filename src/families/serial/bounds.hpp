@@ -10,7 +10,10 @@
 #include "arm_plane.hpp"
 #include "cartesian_bounds.hpp"
 #include "limit_terms.hpp"
+#include "one_more_bounds.hpp"
+#include "polypod/families/serial/carried_arm.hpp"
 #include "polypod/families/serial/kinematics.hpp"
+#include "scara_bounds.hpp"
 #include "six_joint_bounds.hpp"
 #include "three_parallel_bounds.hpp"
 
@@ -400,11 +403,89 @@ class ArmLimits {
   std::array<HalfCircle, 2> elbow_, wrist_;
 };
 
-/// What volume() asks over boxes. Errors: WS102 (neither the wrist of WristInverse, nor a right-angled one of
-/// SphericalWristInverse, nor one of ThreeParallelInverse with joint 3 alone limited, nor one of CartesianInverse, its
-/// third rotary axis, if there is one, without limits).
-inline Result<std::variant<ArmLimits, SixJointLimits, ThreeParallelLimits, CartesianLimits>> bounds_of(
-    const machine::SerialArm& arm, const Options& options) {
+/// What volume() asks over boxes: one for each closed inverse, those of five and six joints with one freedom more, too.
+using SerialLimits =
+    std::variant<ArmLimits, SixJointLimits, ThreeParallelLimits, CartesianLimits, ScaraLimits, OneMoreLimits<ArmLimits>,
+                 OneMoreLimits<SixJointLimits>, OneMoreLimits<ThreeParallelLimits>>;
+
+/// Of an arm whose inverse with `more` is that of `inner`.
+inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& inner, const OneMore& more,
+                                                      LimitBits limits) {
+  const auto with = [&]<class Inner>(Inner arm) { return SerialLimits(OneMoreLimits<Inner>(std::move(arm), more)); };
+  if (const auto closed = machine::WristInverse::of(inner)) return with(ArmLimits(closed->form(), limits));
+  if (const auto closed = machine::SphericalWristInverse::of(inner))
+    if (const auto form = closed->form()) return with(SixJointLimits(*form, limits));
+  if (const auto closed = machine::ThreeParallelInverse::of(inner)) {
+    const auto form = closed->form();
+    if (form && ThreeParallelLimits::serves(*form, limits)) return with(ThreeParallelLimits(*form, limits));
+  }
+  return {};
+}
+
+/// Of an arm as RedundantInverse takes it: six joints whose task leaves the turn about the tool axis free, or one that
+/// a rail or a turntable carries.
+inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& arm, LimitBits limits) {
+  if (arm.free_joints() != arm.task.size() + 1 || arm.is_coupled()) return {};
+  OneMore more;
+  if (arm.task == machine::Task::axis) {
+    machine::SerialArm inner = arm;
+    inner.task = machine::Task::pose;
+    more.from = -std::numbers::pi;
+    more.to = std::numbers::pi;
+    if (auto spun = one_more_bounds_of(inner, more, limits)) return spun;
+  }
+  const auto first = std::find_if(arm.dh.begin(), arm.dh.end(), [](const machine::DhRow& r) { return !r.locked; });
+  const auto carried = machine::CarriedArm::of(arm, static_cast<std::size_t>(first - arm.dh.begin()));
+  if (!carried) return {};
+  const machine::JointRange range = carried->range();
+  more.from = range.min;
+  more.to = range.max;
+  if (carried->axis().kind == machine::JointKind::prismatic) {
+    more.kind = OneMore::Kind::rail;
+    more.axis = -carried->seen(Pose(), 1).p;
+  } else {
+    more.kind = OneMore::Kind::turntable;
+    more.axis = carried->line().first;
+    more.point = carried->line().second;
+    if (arm::turns_freely(range.min, range.max, limits, 0)) {
+      more.from = -std::numbers::pi;
+      more.to = std::numbers::pi;
+    }
+  }
+  return one_more_bounds_of(carried->arm(), more, limits >> 2);
+}
+
+/// Of a six-joint arm whose joint 2 turns joint 3, too, as much as itself.
+inline std::optional<SerialLimits> coupled_bounds_of(const machine::SerialArm& arm, LimitBits limits) {
+  machine::SerialArm without = arm;
+  std::vector<int> joint_of;
+  int joints = 0, coupling = 0;
+  for (std::size_t i = 0; i < arm.dh.size(); ++i) {
+    const machine::DhRow& row = arm.dh[i];
+    joint_of.push_back(row.locked ? -1 : joints++);
+    if (row.coupled_back == 0) continue;
+    const double factor = row.sign * row.coupling;
+    const bool third_by_second =
+        joint_of[i] == 2 && joint_of[i - static_cast<std::size_t>(row.coupled_back)] == 1 && std::abs(factor) == 1;
+    if (!third_by_second) return {};
+    coupling = factor > 0 ? 1 : -1;
+    without.dh[i].coupled_back = 0;
+    without.dh[i].coupling = 0;
+  }
+  const auto closed = machine::SphericalWristInverse::of(without);
+  const auto form = closed ? closed->form() : std::nullopt;
+  if (!form) return {};
+  return SixJointLimits(*form, limits, coupling);
+}
+
+/// Errors: WS102 (neither the wrist of WristInverse, nor a right-angled one of SphericalWristInverse, nor one of
+/// ThreeParallelInverse with joint 3 alone limited, these three with one freedom more or not, nor one of
+/// CartesianInverse, its third rotary axis, if there is one, without limits, nor a SCARA robot).
+inline Result<SerialLimits> bounds_of(const machine::SerialArm& arm, const Options& options) {
+  if (arm.is_coupled()) {
+    if (auto coupled = coupled_bounds_of(arm, options.limits)) return *std::move(coupled);
+    return no_bounds(arm.name);
+  }
   if (const auto closed = machine::WristInverse::of(arm)) return ArmLimits(closed->form(), options.limits);
   if (const auto closed = machine::SphericalWristInverse::of(arm))
     if (const auto form = closed->form()) return SixJointLimits(*form, options.limits);
@@ -414,6 +495,8 @@ inline Result<std::variant<ArmLimits, SixJointLimits, ThreeParallelLimits, Carte
   }
   if (const auto closed = machine::CartesianInverse::of(arm))
     if (CartesianLimits::serves(closed->form(), options.limits)) return CartesianLimits(closed->form(), options.limits);
+  if (const auto closed = machine::ScaraInverse::of(arm)) return ScaraLimits(closed->form(), options.limits);
+  if (auto redundant = one_more_bounds_of(arm, options.limits)) return *std::move(redundant);
   return no_bounds(arm.name);
 }
 inline bool bounded(const machine::SerialArm& arm) {

@@ -56,6 +56,23 @@ std::optional<ScaraInverse> ScaraInverse::of(const SerialArm& arm) {
   return links && has_c ? std::optional(out) : std::nullopt;
 }
 
+ScaraInverse::Form ScaraInverse::form() const {
+  const Vec3 first = point_[1] - point_[0], second = point_[2] - point_[1];
+  return {range_,
+          turning_,
+          sense_,
+          slide_,
+          slide_sense_,
+          X_0_.p.z(),
+          c_0_,
+          point_[0],
+          X_0_.p - point_[2],
+          length_of(first),
+          length_of(second),
+          direction_of(first),
+          direction_of(second) - direction_of(first)};
+}
+
 kinematics::InverseResult ScaraInverse::solve(const Pose& X_MT, const double* reference) const {
   kinematics::InverseResult out;
   const double phi = angles_abc(X_MT.R).z() - c_0_;

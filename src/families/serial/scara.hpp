@@ -26,6 +26,20 @@ class ScaraInverse {
   /// Both branches with their limits. Turning joints stand in the turn within their range if there is one, else in
   /// (-pi, pi]; with a `reference` (all joints): of several within the range in the nearest to it. Cost: 0.2 us.
   [[nodiscard]] kinematics::InverseResult solve(const Pose& X_MT, const double* reference = nullptr) const;
+  /// What bounds over boxes take.
+  struct Form {
+    std::array<JointRange, 6> range;
+    std::array<int, 3> turning;
+    std::array<double, 3> sense;
+    int slide;
+    double slide_sense;
+    double z_0, c_0;          ///< m, rad: of the tip where the joints are 0
+    Vec3 origin, tip;         ///< m: o_1, and p_0 - o_3
+    double first, second;     ///< m: l_1, l_2
+    double direction, gamma;  ///< rad: of the first link there, and from it to the second
+  };
+  [[nodiscard]] Form form() const;
+
   static const char* branch_name(unsigned branch) { return branch % 2 == 0 ? "elbow-positive" : "elbow-negative"; }
 
  private:

@@ -28,11 +28,15 @@ class SixJointLimits {
     Vector to_wrist;
   };
 
-  SixJointLimits(const Form& form, LimitBits mask) : f_(form), mask_(mask) {
+  /// `coupling`: by which joint 2 turns joint 3, too, 1 or -1 (as both count), the ranges being those of the drives; 0:
+  /// not coupled.
+  SixJointLimits(const Form& form, LimitBits mask, int coupling = 0) : f_(form), mask_(mask), coupling_(coupling) {
     for (std::size_t i = 0; i < 6; ++i) turn_[i] = arm::Turn(f_.range[i].min, f_.range[i].max, free_turn(i));
     for (std::size_t side = 0; side < 2; ++side) {
       const double sign = side == 0 ? 1 : -1;
-      elbow_[side] = arm::half_turn_of(f_.range[2], free_turn(2), -f_.sense[2] * f_.bend, sign * f_.sense[2]);
+      // Coupled, its range is one of an angle that joint 2 changes.
+      elbow_[side] =
+          arm::half_turn_of(f_.range[2], free_turn(2) || coupling_ != 0, -f_.sense[2] * f_.bend, sign * f_.sense[2]);
       wrist_[side] = arm::half_turn_of(f_.range[4], free_turn(4), f_.middle, sign);
     }
   }
@@ -148,8 +152,9 @@ class SixJointLimits {
   struct Elbow {
     FirstOrder t2_x, t2_y;  ///< of the length |P|^2
     FirstOrder cos23, sin23;
-    Elbow(const Form& f, const Shoulder& shoulder, double sign, const Domain& d) {
-      const FirstOrder sine = sign * root(FirstOrder(1) - square(shoulder.cosine, d), d);
+    FirstOrder sine;  ///< of the angle between the links
+    Elbow(const Form& f, const Shoulder& shoulder, double sign, const Domain& d)
+        : sine(sign * root(FirstOrder(1) - square(shoulder.cosine, d), d)) {
       // P = (upper + fore e^ig) e^it: e^it = P conj(upper + fore e^ig) / |P|^2.
       const FirstOrder E_x = f.fore * shoulder.cosine + f.upper, E_z = f.fore * sine;
       const FirstOrder u_x = times(shoulder.P_x, E_x, d) + times(shoulder.P_z, E_z, d),
@@ -204,12 +209,22 @@ class SixJointLimits {
       if (all.verdict == Verdict::dead) continue;
       const Elbow elbow(f_, shoulder, e == 0 ? 1.0 : -1.0, d);
       arm::keep_turn(turn_[1], 2, elbow.t2_x, f_.sense[1] * elbow.t2_y, d, all);
+      if (all.verdict != Verdict::dead && coupling_ != 0) keep_coupled(shoulder, elbow, d, all);
       if (all.verdict == Verdict::dead) continue;
       const Wrist wrist(f_, data, shoulder, elbow, !turn_[5].free, d);
       all.append(any_wrist(wrist, d));
       arm::or_else(all, any);
     }
     return any;
+  }
+  /// Joint 3 less (1) or with (-1) joint 2: the product of the vectors that have their angles.
+  void keep_coupled(const Shoulder& shoulder, const Elbow& elbow, const Domain& d, Terms& terms) const {
+    const double cos = std::cos(f_.bend), sin = std::sin(f_.bend);
+    const FirstOrder& c = shoulder.cosine;
+    const FirstOrder x = cos * c + sin * elbow.sine, y = f_.sense[2] * (cos * elbow.sine - sin * c);
+    const FirstOrder& x_2 = elbow.t2_x;
+    const FirstOrder y_2 = -coupling_ * f_.sense[1] * elbow.t2_y;
+    arm::keep_turn(turn_[2], 4, times(x, x_2, d) - times(y, y_2, d), times(x, y_2, d) + times(y, x_2, d), d, terms);
   }
   [[nodiscard]] Terms any_wrist(const Wrist& wrist, const Domain& d) const {
     Terms any;
@@ -227,6 +242,7 @@ class SixJointLimits {
 
   Form f_;
   LimitBits mask_;
+  int coupling_;
   std::array<arm::Turn, 6> turn_{};
   std::array<arm::HalfTurn, 2> elbow_, wrist_;
 };

@@ -424,6 +424,12 @@ JacobianMatrix jacobian(const Stages& m, const Pose& X_MT, const JointVector& q)
 
 namespace {
 
+/// What keeps a search from a target that it nearly meets.
+const char* why_so_near(double error) {
+  constexpr double kNear = 1e-6;  // m
+  return error < kNear ? ", a singular pose or one at the rim of what the machine reaches" : "";
+}
+
 /// All that the searches find, or up to the first solution that keeps the limits `enough`.
 InverseResult searched(const Stages& m, const Pose& X_MT, std::optional<LimitBits> enough) {
   static constexpr std::array<int, kMaxJoints> kPrimes{2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
@@ -473,8 +479,8 @@ InverseResult searched(const Stages& m, const Pose& X_MT, std::optional<LimitBit
   if (!out.converged) {
     out.reason = fmt::format(
         "the numeric search did not converge from {} starts; the closest came within {:.3g} mm (angles at 1 m) of "
-        "the target",
-        std::min(starts, most_in_vain), units::to_mm(best));
+        "the target{}",
+        std::min(starts, most_in_vain), units::to_mm(best), why_so_near(best));
   }
   return out;
 }
@@ -511,8 +517,8 @@ InverseResult inverse_from(const Stages& m, const Pose& X_MT, const JointVector&
   const Search found = search(m, X_MT, stages);
   out.converged = found.converged;
   if (!found.converged) {
-    out.reason = fmt::format("the search from the last joints came within {:.3g} mm (angles at 1 m) of the target",
-                             units::to_mm(found.error));
+    out.reason = fmt::format("the search from the last joints came within {:.3g} mm (angles at 1 m) of the target{}",
+                             units::to_mm(found.error), why_so_near(found.error));
     return out;
   }
   add(m, found, out);

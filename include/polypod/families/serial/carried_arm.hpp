@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <utility>
 
 #include "polypod/families/serial/kinematics.hpp"
 #include "polypod/machine/any_machine.hpp"
@@ -31,6 +32,8 @@ class CarriedArm {
   [[nodiscard]] JointRange range() const { return row_.range; }
   /// Whether the axis moves; a locked one is none of the joints.
   [[nodiscard]] bool moves() const { return !row_.locked; }
+  /// Direction and a point of the screw that the axis is, in M; u counts about or along it by its sign.
+  [[nodiscard]] std::pair<Vec3, Vec3> line() const { return {row_.sign * axis_, point_}; }
   /// X_k(0) X_k(u)^-1 X_MT.
   [[nodiscard]] Pose seen(const Pose& X_MT, double u) const;
 

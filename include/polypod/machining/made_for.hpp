@@ -1,0 +1,31 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+// Whether a corrected program was corrected for this job.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "polypod/gcode/header.hpp"
+#include "polypod/machining/job.hpp"
+
+namespace polypod::machining {
+
+struct MadeFor {
+  enum class Other : std::uint8_t { none, machine, unknown_place, place, compliance };
+  Other other = Other::none;
+  std::string message;     ///< what is other; empty where nothing is
+  std::string not_judged;  ///< why that is not known of the compliances; else empty
+};
+
+/// What the header says beside the job: the name of the machine, the place of the workpiece, and what 100 N do to the
+/// tool where the first cut begins (ComplianceMark::same, in the header's posture and with its joints). Of a program
+/// that was looked at for another machine or place nothing is other: what it cuts is as the CAM system wrote it.
+MadeFor made_for(const gcode::CorrectionHeader& header, const Job& job);
+
+/// Whether it speaks of this machine and this place of the workpiece.
+bool speaks_of(const gcode::CorrectionHeader& header, const Job& job);
+
+/// "32.10, 50.00, 12.00 um"
+std::string um_in_words(const Vec3& d);
+
+}  // namespace polypod::machining

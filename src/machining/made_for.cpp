@@ -1,0 +1,64 @@
+// Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
+#include "polypod/machining/made_for.hpp"
+
+#include <fmt/format.h>
+
+#include "polypod/core/units.hpp"
+#include "polypod/kinematics/surplus.hpp"
+#include "polypod/machining/compliance_mark.hpp"
+#include "polypod/statics/compliance.hpp"
+
+namespace polypod::machining {
+
+std::string um_in_words(const Vec3& d) {
+  return fmt::format("{:.2f}, {:.2f}, {:.2f} um", units::to_um(d.x()), units::to_um(d.y()), units::to_um(d.z()));
+}
+
+bool speaks_of(const gcode::CorrectionHeader& header, const Job& job) {
+  return header.names(machine::name_of(job.machine)) && header.origin == place_in_words(job.X_MW);
+}
+
+MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
+  using Other = MadeFor::Other;
+  const std::string machine = machine::name_of(given.machine), origin = place_in_words(given.X_MW);
+  if (!speaks_of(header, given)) {
+    if (!header.corrected) return {};
+    if (!header.names(machine)) {
+      return {Other::machine,
+              fmt::format("the program was corrected for the machine {}, not for {}", header.machine, machine),
+              {}};
+    }
+    if (header.origin.empty())
+      return {Other::unknown_place, "the header of this corrected program does not say for which origin", {}};
+    return {Other::place,
+            fmt::format("the program was corrected for the origin {} in M, not for {}", header.origin, origin),
+            {}};
+  }
+  const auto mark = ComplianceMark::from(header.compliance);
+  if (!mark) return {};  // before headers said it
+  if (!statics::has_compliance(given.machine)) {
+    return {
+        Other::none,
+        {},
+        fmt::format("the machine file has no compliances, so whether the program was {} for this machine is not judged",
+                    header.was())};
+  }
+  Job job = given;
+  job.posture = header.posture;
+  const std::optional<Vec3> here = deflections_at(job, *mark, ComplianceMark::joints_from(header.joints, job.machine));
+  if (!here || mark->same(*here)) {  // out of reach there: who asks for the way says so
+    if (!header.joints.empty() || !kinematics::leaves_a_joint_free(job.machine)) return {};
+    return {Other::none,
+            {},
+            fmt::format("the header does not say where the joint was that the pose leaves free: whether the program "
+                        "was {} for where it is here is not judged; correct the program of the CAM system again",
+                        header.was())};
+  }
+  return {Other::compliance,
+          fmt::format("the program was {} for a machine whose tool 100 N along X, Y, Z deflect by {} where the first "
+                      "cut begins; this one they deflect by {}",
+                      header.was(), um_in_words(mark->deflection), um_in_words(*here)),
+          {}};
+}
+
+}  // namespace polypod::machining
