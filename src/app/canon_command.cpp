@@ -8,6 +8,7 @@
 #include "busy_line.hpp"
 #include "commands.hpp"
 #include "json_rows.hpp"
+#include "messages.hpp"
 #include "polypod/core/text.hpp"
 #include "polypod/gcode/canon.hpp"
 #include "polypod/gcode/explain.hpp"
@@ -21,7 +22,8 @@ std::string place_text(const std::array<double, 6>& at, bool inches) {
   std::string out;
   for (std::size_t k = 0; k < 6; ++k) {
     if (k < 3 || at[k] != 0)
-      out += fmt::format("{}{}{:.{}f}", out.empty() ? "" : " ", "XYZABC"[k], at[k], inches ? 4 : 3);
+      out += (out.empty() ? "" : " ") + std::string(1, "XYZABC"[k]) +
+             unsigned_zero(fmt::format("{:.{}f}", at[k], inches ? 4 : 3));
   }
   return out;
 }

@@ -13,8 +13,8 @@ namespace polypod::app {
 
 using BodyNotes = std::vector<std::string>;
 
-/// Makes `options` ask which bodies of the file touch; from the job, where it gives them (`job_cuts`), come the cutters and
-/// the box of the stock. Returns what is judged and what is not.
+/// Makes `options` ask which bodies of the file touch; from the job, where it gives them (`job_cuts`), come the cutters
+/// and the box of the stock. Returns what is judged and what is not.
 Result<BodyNotes> watch_bodies(const std::string& file, const machining::Job& job, bool job_cuts,
                                machining::CheckOptions& options);
 

@@ -211,6 +211,22 @@ Status look_at_postures(Judged& judged, const gcode::Understood* other, const ma
   return {};
 }
 
+/// Of a program that `correct` wrote or looked at: what of this job is other than that for which it did.
+std::string correction_note(const gcode::Program& program, const machining::Job& job) {
+  const auto header = gcode::correction_header(program);
+  if (!header) return {};
+  const machining::MadeFor made = machining::made_for(*header, job);
+  if (!made.message.empty()) {
+    return fmt::format("line {}: {}; its moves are judged as they are written, not the correction", header->line,
+                       made.message);
+  }
+  if (!made.unreached) return {};
+  return fmt::format(
+      "line {}: the program was {} for a machine that comes to its first cut{}; this one does not: its "
+      "moves are judged as they are written, not the correction",
+      header->line, header->was(), header->posture.empty() ? "" : fmt::format(" in the posture {}", header->posture));
+}
+
 }  // namespace
 
 Command check_command() {
@@ -289,13 +305,7 @@ Command check_command() {
           result.notes.push_back(
               "the pose leaves a joint free: one choice, the nearest to the joints before, was judged");
         }
-        if (const auto header = gcode::correction_header(program)) {
-          if (const auto made = machining::made_for(*header, job); !made.message.empty()) {
-            result.notes.push_back(
-                fmt::format("line {}: {}; its moves are judged as they are written, not the correction", header->line,
-                            made.message));
-          }
-        }
+        if (const std::string note = correction_note(program, job); !note.empty()) result.notes.push_back(note);
         if (!o->job.empty() && job.cuts && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
           const Error why = machining::cuts_nothing(job, program, interpretation);
           result.notes.push_back(

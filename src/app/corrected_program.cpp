@@ -49,6 +49,7 @@ Result<CorrectedProgram> CorrectedProgram::of(const post::Path& path, const mach
   if (made.other != machining::MadeFor::Other::none)
     return fail("PO125", std::move(made.message), Place{path.file, out.header_->line, 1}, hint_for(made.other));
   out.not_judged_ = std::move(made.not_judged);
+  out.unreached_ = made.unreached;
   return out;
 }
 
@@ -140,7 +141,9 @@ Result<post::Plan> CorrectedProgram::plan_held(const post::Configuration& config
   if (!plan && plan.error().id == "PO122") {
     return tl::unexpected(not_as_corrected(fmt::format("the program was {} for the posture {}: {}", header_->was(),
                                                        header_->posture, plan.error().message),
-                                           kCorrectForPosture));
+                                           unreached_ ? std::string(hint_for(machining::MadeFor::Other::compliance)) +
+                                                            "; or, on this machine, " + kCorrectForPosture
+                                                      : kCorrectForPosture));
   }
   if (!plan) return plan;
   if (const post::Step* step = header_->c ? post::turned_cut(path_, *plan) : nullptr) {

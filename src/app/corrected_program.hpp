@@ -52,6 +52,7 @@ class CorrectedProgram {
   std::optional<gcode::CorrectionHeader> header_;
   std::string not_judged_;
   bool holds_ = false;
+  bool unreached_ = false;  ///< the machine does not hold its tool as the header says where the first cut begins
 };
 
 }  // namespace polypod::app

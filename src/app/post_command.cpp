@@ -195,6 +195,8 @@ Result<post::PlanOptions> plan_options(const Options& o, const machining::Job& j
   if (o.c == "free") {
     p.c.reset();
   } else {
+    if (o.c.find_first_not_of("0123456789.+-eE") != std::string::npos)
+      return fail("PO130", fmt::format("--c {}: neither free nor a number", o.c), {}, "give free, or C in deg");
     POLYPOD_ASSIGN(c, number_of(o.c, "--c", kAngle_deg, "deg"));
     p.c = units::from_deg(c);
   }
@@ -347,7 +349,7 @@ Json answer_json(const Options& o, const Answer& answer) {
   for (std::size_t i = 0; i < 3; ++i) {
     rotary[std::string(1, "ABC"[i])] = range_json(units::to_deg(plan.turned_min[i]), units::to_deg(plan.turned_max[i]));
   }
-  return {
+  Json out{
       {"ok", plan.ok()},
       {"written", answer.writes},
       {"lines_out", answer.written.lines},
@@ -368,6 +370,8 @@ Json answer_json(const Options& o, const Answer& answer) {
       {"joint_speed_at", plan.speed_joint > 0 ? Json{{"joint", plan.speed_joint}, {"line", plan.speed_line}} : Json()},
       {"joint_ranges", joint_ranges_json(answer)},
       {"notes", answer.notes}};
+  if (!answer.data_file.empty()) out["data_file"] = answer.data_file;
+  return out;
 }
 
 /// Two digits of what is below 10 %, so that a slow joint does not seem to stand.

@@ -3,7 +3,9 @@
 #include "polypod/gcode/explain.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
 #include "engine.hpp"
@@ -175,6 +177,18 @@ std::string_view meaning_of_comment(std::string_view comment) {
 
 }  // namespace
 
+namespace {
+/// Whether a block changes where coordinates count from.
+bool has_origin_word(const std::vector<Word>& words) {
+  return std::any_of(words.begin(), words.end(), [](const Word& w) {
+    if (w.letter != 'G') return false;
+    const long code = std::lround(w.value * 10);
+    return (code >= 540 && code <= 593) || (code >= 920 && code <= 923) || code == 100 || code == 520 ||
+           (code >= 430 && code <= 432) || code == 490;
+  });
+}
+}  // namespace
+
 /// What a letter means beside the codes of its line, and else in the motion that is in force.
 std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words) const {
   const auto has = [&](char letter, std::initializer_list<int> codes) {
@@ -213,7 +227,8 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
     case 'T':
       return fmt::format("tool {} is next (M6 changes it)", value);
     case 'H':
-      return fmt::format("of tool {} of the tool table", value);
+      return word.value == 0 ? std::string("of the tool in the spindle")
+                             : fmt::format("of tool {} of the tool table", value);
     case 'X':
     case 'Y':
     case 'Z':
@@ -234,18 +249,36 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
       return fmt::format("centre of the arc: {} {} {}", value, unit, arc_absolute_ ? "absolute" : "from its start");
     case 'R':
       if (in_cycle)
-        return fmt::format("the height from which the cycle feeds{}: {} {}",
-                           old_level_ ? "" : ", and to which it returns", value, unit);
+        return fmt::format("the height from which the cycle feeds{}: {} {}{}",
+                           old_level_ ? "" : ", and to which it returns", value, unit,
+                           incremental_ ? " from where the tool is" : "");
       if (arc)
         return fmt::format("radius of the arc: {} {}{}", value, unit,
                            word.value < 0 ? "; negative: more than half a turn" : "");
       if (has('G', {100})) return fmt::format("turn of the coordinate system, {} deg", value);
+      if (has('M', {190})) return fmt::format("to {} deg", value);
       break;
     case 'P':
+      if (has('M', {190}))
+        return word.value == 0 ? "the shorter way" : word.value == 1 ? "clockwise" : "counterclockwise";
+      if (has('M', {500, 510, 520, 530})) return word.value == 0 ? "off" : "on";
+      if (has('M', {620, 630, 640, 650})) return fmt::format("digital output {}", value);
       if (has('G', {40}) || in_cycle) return fmt::format("dwell {} s", value);
       if (has('G', {640})) return fmt::format("rounded corners leave the path by at most {} {}", value, unit);
-      if (has('G', {100})) return fmt::format("number {}", value);
-      if (arc) return fmt::format("{} turns", value);
+      if (has('G', {100})) {
+        const bool system = std::any_of(words.begin(), words.end(), [](const Word& w) {
+          return w.letter == 'L' && (w.value == 2 || w.value == 20);
+        });
+        if (!system) return fmt::format("of tool {}", value);
+        return word.value == 0 ? std::string("of the coordinate system in force")
+                               : fmt::format("of coordinate system {} ({})", value,
+                                             word.value <= 6 ? fmt::format("G{:g}", 53 + word.value)
+                                                             : fmt::format("G59.{:g}", word.value - 6));
+      }
+      if (arc)
+        return word.value <= 1 ? std::string("no whole turn before the end")
+                               : fmt::format("{:g} whole {} before it goes on to the end", word.value - 1,
+                                             word.value == 2 ? "turn" : "turns");
       if (has('M', {980})) return fmt::format("subprogram {}", value);
       if (has('M', {660})) return fmt::format("digital input {}", value);
       if (cubic) return fmt::format("second control point: {} {} from the end, in X", value, unit);
@@ -255,17 +288,31 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
       if (has('G', {640})) return fmt::format("lines that stay within {} {} are merged into one", value, unit);
       if (in_cycle) return fmt::format("depth of a peck: {} {}", value, unit);
       if (has('M', {660})) return fmt::format("at most {} s", value);
+      if (has('M', {190})) return fmt::format("waits at most {} s for it", value);
+      if (has('M', {610})) return fmt::format("tool {}", value);
+      if (has('M', {670, 680})) return fmt::format("to the value {}", value);
       if (cubic) return fmt::format("second control point: {} {} from the end, in Y", value, unit);
       break;
     case 'L':
-      if (has('G', {100})) return fmt::format("kind of setting {}", value);
+      if (has('G', {100})) {
+        if (word.value == 2) return "sets the origin of a coordinate system";
+        if (word.value == 20) return "sets the origin of a coordinate system so that the tool stands at these values";
+        return word.value == 1 ? "sets an entry of the tool table"
+                               : "sets an entry of the tool table so that the tool stands at these values";
+      }
       if (in_cycle) return fmt::format("{} holes", value);
       if (has('M', {980})) return fmt::format("{} times", value);
-      if (has('M', {660})) return fmt::format("way of waiting {}", value);
+      if (has('M', {660})) {
+        constexpr std::array kWays{"reads it at once", "waits for it to rise", "waits for it to fall",
+                                   "waits until it is on", "waits until it is off"};
+        const auto way = static_cast<std::size_t>(std::clamp(word.value, 0.0, 4.0));
+        return kWays[way];
+      }
       if (motion_ == 52) return fmt::format("order of the curve {}", value);
       break;
     case 'E':
       if (has('M', {660})) return fmt::format("analogue input {}", value);
+      if (has('M', {670, 680})) return fmt::format("analogue output {}", value);
       break;
     case 'D':
       if (has('G', {411, 421})) return fmt::format("diameter {} {}", value, unit);
@@ -350,13 +397,18 @@ Result<Explanation> Engine::explain(int line) {
   if (ends_ || frame().source != 0 || frame().at >= blocks.size()) return out;
   if (at->optional && options_.block_delete) return out;
   out.runs = true;
-  out.from = programmed();
+  out.from = left_ && !compensating() ? canon_ : programmed();  // behind G40 the tool still stands beside
+  // Where that is on the machine, for a block that changes the coordinates.
+  const auto coordinates = [&] { return std::tuple(origin_, g92_, rotation_, length_offset_); };
+  const auto coordinates_before = coordinates();
+  Axes on_machine = to_machine(out.from);
+  for (std::size_t k = 0; k < 6; ++k) on_machine[k] += length_offset_[k];
   const bool beside = compensating();
   const bool inches = inches_;
   const std::size_t before = out_.size();
   const Block block = *at;
   std::vector<Word> words(block.words.begin(), block.words.end());
-  if (at->construct != Construct::none) {
+  if (at->construct != Construct::none || at->after_end) {  // a subprogram of M98 may stand behind M2
     POLYPOD_ASSIGN(read, read_line(at->text, *this, Place{source().program->path, line, 0}));
     words = read.words;
     if (!read.keyword.empty()) {
@@ -372,7 +424,14 @@ Result<Explanation> Engine::explain(int line) {
     }
   }
   POLYPOD_TRY(step());
-  if (inches_ != inches) scale(out.from, inches_ ? 1 / kMmPerInch : kMmPerInch);
+  if (inches_ != inches) {
+    scale(out.from, inches_ ? 1 / kMmPerInch : kMmPerInch);
+    scale(on_machine, inches_ ? 1 / kMmPerInch : kMmPerInch);
+  }
+  if (inches_ == inches ? coordinates() != coordinates_before : has_origin_word(words)) {
+    for (std::size_t k = 0; k < 6; ++k) on_machine[k] -= length_offset_[k];
+    out.from = from_machine(on_machine);
+  }
   out.to = programmed();
   out.compensated = beside || compensating();
   out.inches = inches_;
@@ -382,6 +441,7 @@ Result<Explanation> Engine::explain(int line) {
         code ? code_name(word.letter, static_cast<int>(std::lround(word.value * 10))) : word.letter + shown(word.value);
     out.words.push_back({name, meaning_of(word, words)});
   }
+  if (at->optional) out.words.insert(out.words.begin(), {"/", "an optional block: block delete leaves it out"});
   for (const std::string_view comment : comments(block))
     out.words.push_back({std::string(comment), std::string(meaning_of_comment(comment))});
   if (!ends_) out.in_force = in_force();  // the end of a program sets all modes anew

@@ -26,13 +26,15 @@ MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
     if (!header.names(machine)) {
       return {Other::machine,
               fmt::format("the program was corrected for the machine {}, not for {}", header.machine, machine),
-              {}};
+              {},
+              false};
     }
     if (header.origin.empty())
-      return {Other::unknown_place, "the header of this corrected program does not say for which origin", {}};
+      return {Other::unknown_place, "the header of this corrected program does not say for which origin", {}, false};
     return {Other::place,
             fmt::format("the program was corrected for the origin {} in M, not for {}", header.origin, origin),
-            {}};
+            {},
+            false};
   }
   const auto mark = ComplianceMark::from(header.compliance);
   if (!mark) return {};  // before headers said it
@@ -41,24 +43,28 @@ MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
         Other::none,
         {},
         fmt::format("the machine file has no compliances, so whether the program was {} for this machine is not judged",
-                    header.was())};
+                    header.was()),
+        false};
   }
   Job job = given;
   job.posture = header.posture;
   const std::optional<Vec3> here = deflections_at(job, *mark, ComplianceMark::joints_from(header.joints, job.machine));
-  if (!here || mark->same(*here)) {  // out of reach there: who asks for the way says so
+  if (!here) return {Other::none, {}, {}, true};
+  if (mark->same(*here)) {
     if (!header.joints.empty() || !kinematics::leaves_a_joint_free(job.machine)) return {};
     return {Other::none,
             {},
             fmt::format("the header does not say where the joint was that the pose leaves free: whether the program "
                         "was {} for where it is here is not judged; correct the program of the CAM system again",
-                        header.was())};
+                        header.was()),
+            false};
   }
   return {Other::compliance,
           fmt::format("the program was {} for a machine whose tool 100 N along X, Y, Z deflect by {} where the first "
                       "cut begins; this one they deflect by {}",
                       header.was(), um_in_words(mark->deflection), um_in_words(*here)),
-          {}};
+          {},
+          false};
 }
 
 }  // namespace polypod::machining

@@ -72,9 +72,9 @@ const std::set<std::string_view> kTextWords{"PARTNO", "PPRINT", "REMARK", "INSER
 
 /// Words that tell something and move nothing.
 const std::set<std::string_view> kNoted{
-    "CUTTER", "MACHIN", "HEAD",   "INTOL", "OUTTOL", "TOLER",  "CLEARP",    "DISPLY", "SET",        "SELCTL", "SELECT",
-    "UNLOAD", "CLAMP",  "MODE",   "TMARK", "LEADER", "MCHTOL", "LINTOL",    "SAFPOS", "NOPOST",     "SEQNO",  "AUTOPS",
-    "REWIND", "END",    "CLRSRF", "PAINT", "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
+    "CUTTER", "MACHIN", "HEAD",   "INTOL",  "OUTTOL", "TOLER",  "CLEARP", "DISPLY",    "SET",    "SELCTL",
+    "SELECT", "UNLOAD", "CLAMP",  "MODE",   "TMARK",  "LEADER", "MCHTOL", "LINTOL",    "SAFPOS", "NOPOST",
+    "SEQNO",  "AUTOPS", "REWIND", "CLRSRF", "PAINT",  "TLDATA", "TLNAME", "TOOL PATH", "TPRINT", "END-OF-PATH"};
 
 /// Words that change where the tool goes and are not carried out, with what to do.
 const std::map<std::string_view, const char*> kRefused{
@@ -170,7 +170,7 @@ class Reader {
     if (std::none_of(out_.steps.begin(), out_.steps.end(), [](const Step& s) { return s.moves(); })) {
       return fail("PO112", "the file makes no move", {file_}, "is it a CL file with GOTO/...?");
     }
-    if (!finished_) note_once("the file does not end with FINI: it may be cut off");
+    if (!finished_ && !ended_) note_once("the file does not end with FINI: it may be cut off");
     if (!units_) note_once("no UNITS: lengths are taken as mm");
     for (const auto& [word, line] : passed_) {
       out_.notes.push_back(fmt::format("line {}: {} moves nothing and is left out", line, word));
@@ -184,8 +184,14 @@ class Reader {
     double radius;
     Spot spot;
   };
+  /// As it was given: m/s, or m a revolution of the spindle, whatever speed that comes to have.
+  struct Feed {
+    double speed = 0, per_turn = 0;
+    [[nodiscard]] bool given() const { return speed > 0 || per_turn > 0; }
+  };
   struct Cycle {
-    double depth = 0, clearance = 0, feed = 0;
+    double depth = 0, clearance = 0;
+    Feed feed;
     std::optional<double> retract;  // above the point, where the tool goes behind the hole; empty: to the clearance
   };
   struct Length {
@@ -393,21 +399,14 @@ class Reader {
     return Vec3(k / length);
   }
 
-  /// The speed of a feed, m/s.
-  Result<double> feed_of(double value, const std::string& word, Spot spot) {
-    const bool inch = word == "IPM" || word == "IPR", mm = word == "MMPM" || word == "MMPR";
-    if (inch && !units_) {
-      return error("PO107", fmt::format("a feed in {} in a file without UNITS: is it in inches?", word), spot,
-                   "write UNITS/MM or UNITS/INCHES before the first length");
-    }
-    double speed = value * (inch ? units::kMetrePerInch : mm ? units::kMetrePerMm : unit());
-    if (word == "IPR" || word == "MMPR" || word == "PERREV") {
+  /// The feed in force now, m/s.
+  Result<double> speed_of(const Feed& feed, Spot spot) const {
+    double speed = feed.speed;
+    if (feed.per_turn > 0) {
       if (now_.spindle == gcode::Spindle::off || !(now_.spindle_speed > 0)) {
         return error("PO108", "a feed per revolution while the spindle stands", spot, "give SPINDL/... before it");
       }
-      speed *= now_.spindle_speed;
-    } else {
-      speed /= 60;
+      speed = feed.per_turn * now_.spindle_speed;
     }
     if (!(speed >= kLeastFeed && speed <= kMostFeed)) {
       return error("PO108", fmt::format("a feed of {:g} mm/min", units::to_mm_per_min(speed)), spot,
@@ -416,12 +415,30 @@ class Reader {
     return speed;
   }
 
+  Result<Feed> feed_of(double value, const std::string& word, Spot spot) {
+    const bool inch = word == "IPM" || word == "IPR", mm = word == "MMPM" || word == "MMPR";
+    if (inch && !units_) {
+      return error("PO107", fmt::format("a feed in {} in a file without UNITS: is it in inches?", word), spot,
+                   "write UNITS/MM or UNITS/INCHES before the first length");
+    }
+    const double length = value * (inch ? units::kMetrePerInch : mm ? units::kMetrePerMm : unit());
+    Feed out;
+    if (word == "IPR" || word == "MMPR" || word == "PERREV") {
+      out.per_turn = length;
+    } else {
+      out.speed = length / 60;
+    }
+    POLYPOD_TRY(speed_of(out, spot));
+    return out;
+  }
+
   static bool is_feed_word(const std::string& w) {
     return w == "MMPM" || w == "IPM" || w == "MMPR" || w == "IPR" || w == "PERMIN" || w == "PERREV";
   }
 
   Status carry_out(const Statement& s) {
     if (s.word != "GOTO") done_arc_.reset();
+    ended_ = false;
     from_another_system_ = from_another_system_ || s.word == "TOOL PATH" || s.word == "TLON" || s.word == "MSYS";
     using Handler = Status (Reader::*)(const Statement&);
     static const std::map<std::string_view, Handler> handlers{
@@ -433,8 +450,8 @@ class Reader {
         {"STOP", &Reader::stop},        {"OPSTOP", &Reader::stop},    {"DELAY", &Reader::delay},
         {"PARTNO", &Reader::comment},   {"PPRINT", &Reader::comment}, {"REMARK", &Reader::comment},
         {"TITLES", &Reader::comment},   {"LETTER", &Reader::comment}, {"CYCLE", &Reader::cycle},
-        {"FINI", &Reader::end},         {"MSYS", &Reader::system},    {"INDIRV", &Reader::direction},
-        {"TLON", &Reader::catia_arc}};
+        {"FINI", &Reader::end},         {"END", &Reader::last},       {"MSYS", &Reader::system},
+        {"INDIRV", &Reader::direction}, {"TLON", &Reader::catia_arc}};
     const auto refuse_here = [&](const char* hint) {
       return error("PO105", fmt::format("{} changes where the tool goes and is not carried out", s.word), s.spot, hint);
     };
@@ -481,9 +498,25 @@ class Reader {
     return out;
   }
 
-  Status feed_known(Spot spot) const {
-    if (now_.feed > 0) return {};
-    return error("PO108", "a cut without a feed", spot, "give FEDRAT/... before it, or RAPID");
+  /// Before a cut: its feed.
+  Status take_feed(Spot spot) {
+    if (!feed_.given()) return error("PO108", "a cut without a feed", spot, "give FEDRAT/... before it, or RAPID");
+    POLYPOD_ASSIGN(speed, speed_of(feed_, spot));
+    now_.feed = speed;
+    return {};
+  }
+
+  /// A rapid along the tool axis and across it: down comes last, up first, as in the cycles of LinuxCNC.
+  void approach(const Vec3& tip, const Vec3& axis, Spot spot) {
+    constexpr double kSmall = 1e-7;  // m
+    const Vec3 way = tip - now_.tip;
+    const double along = way.dot(axis);
+    if (known_ && angle_between(axis, now_.axis) > kSameAxis) {
+      note_once("the way to a hole with another tool axis is a straight line: check that it is free");
+    } else if (known_ && std::abs(along) > kSmall && (way - along * axis).norm() > kSmall) {
+      push(StepKind::rapid, along < 0 ? Vec3(tip - along * axis) : Vec3(now_.tip + along * axis), axis, spot);
+    }
+    push(StepKind::rapid, tip, axis, spot);
   }
 
   /// The tool goes to a point, along the arc or the cycle in force.
@@ -491,9 +524,10 @@ class Reader {
     if (cycle_) {
       if (arc_) return error("PO110", "CIRCLE within a cycle", spot, "switch the cycle off with CYCLE/OFF");
       const Vec3 above = tip + cycle_->clearance * axis, below = tip - cycle_->depth * axis;
-      push(StepKind::rapid, above, axis, spot);
+      POLYPOD_ASSIGN(speed, speed_of(cycle_->feed, spot));
+      approach(above, axis, spot);
       push(StepKind::line, below, axis, spot);
-      out_.steps.back().feed = cycle_->feed;
+      out_.steps.back().feed = speed;
       push(StepKind::rapid, cycle_->retract ? Vec3(tip + *cycle_->retract * axis) : above, axis, spot);
       cl_point_ = tip;  // the hole, not the place above it
       rapid_ = false;
@@ -503,7 +537,7 @@ class Reader {
       push(StepKind::rapid, tip, axis, spot);
       rapid_ = false;
     } else {
-      POLYPOD_TRY(feed_known(spot));
+      POLYPOD_TRY(take_feed(spot));
       POLYPOD_TRY(no_further_point(tip, spot));
       push(StepKind::line, tip, axis, spot);
     }
@@ -554,7 +588,7 @@ class Reader {
     arc_.reset();
     if (!known_) return error("PO110", "an arc from an unknown point", spot, "give FROM/... or a GOTO before CIRCLE");
     if (rapid_) return error("PO110", "RAPID before an arc", spot, "arcs are cuts: give a feed, or leave the arc out");
-    POLYPOD_TRY(feed_known(spot));
+    POLYPOD_TRY(take_feed(spot));
     const Vec3 a = flat(now_.tip, arc.centre, arc.normal), b = flat(tip, arc.centre, arc.normal);
     const double off = std::max(kRadiusOff, kRadiusOffShare * arc.radius);
     for (const auto& [r, what] : {std::pair(a.norm(), "start"), std::pair(b.norm(), "end")}) {
@@ -660,8 +694,8 @@ class Reader {
       }
     }
     if (!value) return error("PO108", "FEDRAT without a number", s.spot, "write FEDRAT/value,MMPM");
-    POLYPOD_ASSIGN(speed, feed_of(*value, word, s.spot));
-    now_.feed = speed;
+    POLYPOD_ASSIGN(given, feed_of(*value, word, s.spot));
+    feed_ = given;
     rapid_ = false;
     return {};
   }
@@ -707,6 +741,12 @@ class Reader {
                    "write LOADTL/n, n a whole number");
     }
     now_.tool = static_cast<int>(*s.items[at].number);
+    if (s.items.size() > at + 1) {
+      note_once(
+          fmt::format("line {}: of {} the number of the tool is read, {} is not: tool lengths are those of the "
+                      "machine file or the controller",
+                      s.spot.line, s.word, shown(s.items[at + 1].text)));
+    }
     return {};
   }
 
@@ -832,7 +872,7 @@ class Reader {
       return error("PO107", fmt::format("UNITS: `{}` is no unit of a CL file", shown(what)), s.spot,
                    "write UNITS/MM or UNITS/INCHES");
     }
-    if ((known_ || now_.feed > 0 || arc_ || cycle_) && unit != this->unit()) {
+    if ((known_ || feed_.given() || arc_ || cycle_) && unit != this->unit()) {
       return error("PO107", "UNITS changes the unit after the first length", s.spot,
                    "write it at the start of the file, once");
     }
@@ -885,7 +925,7 @@ class Reader {
     if (s.items[0].text == "ON") return refuse_here("CYCLE/ON", s.spot);
     if (s.items[0].text != "DRILL") return refuse_here(fmt::format("CYCLE/{}", shown(s.items[0].text)), s.spot);
     Cycle c;
-    c.feed = now_.feed;
+    c.feed = feed_;
     std::optional<double> depth, clearance;
     for (std::size_t i = 1; i < s.items.size(); i += 2) {
       const Item& key = s.items[i];
@@ -894,8 +934,8 @@ class Reader {
       }
       const Item& value = s.items[i + 1];
       if (is_feed_word(key.text)) {
-        POLYPOD_ASSIGN(speed, feed_of(*value.number, key.text, value.spot));
-        c.feed = speed;
+        POLYPOD_ASSIGN(given, feed_of(*value.number, key.text, value.spot));
+        c.feed = given;
         continue;
       }
       POLYPOD_ASSIGN(length, length_of(value));
@@ -921,7 +961,7 @@ class Reader {
     if (c.retract && !(*c.retract >= *clearance)) {
       return refuse_here("CYCLE/DRILL with an RTRCTO below its clearance", s.spot);
     }
-    if (!(c.feed > 0))
+    if (!c.feed.given())
       return error("PO108", "CYCLE/DRILL without a feed", s.spot, "give MMPM,f in it, or FEDRAT before it");
     c.depth = *depth;
     c.clearance = *clearance;
@@ -933,6 +973,11 @@ class Reader {
     finished_ = true;
     return {};
   }
+  /// END, with which CATIA closes a file; in others more may follow.
+  Status last(const Statement&) {
+    ended_ = true;
+    return {};
+  }
 
   std::string_view text_;
   std::string file_;
@@ -942,7 +987,7 @@ class Reader {
 
   Path out_;
   Step now_;
-  bool known_ = false, rapid_ = false, finished_ = false;
+  bool known_ = false, rapid_ = false, finished_ = false, ended_ = false;
   int multax_ = -1;  // not said, off, on
   std::optional<double> units_;
   std::optional<Vec3> home_;
@@ -955,6 +1000,7 @@ class Reader {
   std::optional<Vec3> direction_;              ///< of INDIRV
   std::optional<std::vector<double>> system_;  ///< of MSYS
   std::optional<Cycle> cycle_;
+  Feed feed_;
   std::map<std::string, int> passed_;
 };
 

@@ -30,6 +30,7 @@ using machine::JointVector;
 
 constexpr double kJump = 0.5;       // rad or m, a joint that moves more between two judged poses has changed posture
 constexpr double kSame = 1e-9;      // m and rad, no way
+constexpr double kRounded = 2e-6;   // m, what the digits of a file leave between the ends of an arc and its plane
 constexpr double kOpposite = 1e-6;  // rad, axes that are opposite have no shortest way between them
 constexpr int kDeepest = 14;        // halvings of a way
 constexpr unsigned kClosedBranches = 8;  // of the closed inverses of arms
@@ -350,12 +351,18 @@ class Planner {
   }
 
   [[nodiscard]] bool is_arc(const Step& step) const {
-    if (options_.arcs_in_any_plane) return std::abs((step.tip - tip_).dot(step.normal)) < kSame;
+    if (options_.arcs_in_any_plane) return out_of_plane(step) < std::min(kRounded, options_.tolerance);
     return step.normal.cwiseAbs().maxCoeff() > 1 - 1e-12;
   }
 
+  /// By how much a helix rises.
+  [[nodiscard]] double out_of_plane(const Step& step) const { return std::abs((step.tip - tip_).dot(step.normal)); }
+
   void arc(const Way& way) {
     const Step& step = *way.step;
+    // A robot's circle through start, middle and end leans by what these leave the plane.
+    if (options_.arcs_in_any_plane && out_of_plane(step) > kSame)
+      out_.chord_error = std::max(out_.chord_error, out_of_plane(step));
     const double r = radius(step);
     if (step.sweep < 1 && r * (1 - std::cos(step.sweep / 2)) < kFlatArc * options_.tolerance) {
       out_.chord_error = std::max(out_.chord_error, r * (1 - std::cos(step.sweep / 2)));

@@ -81,6 +81,7 @@ enum class Verdict : std::uint8_t {
 ///   double lever();                 m, how far a turn of 1 rad moves what the limits see
 ///   std::size_t bytes(const Data&); that a patch's data holds outside of itself
 ///   int axes();                     of a box that count: the first so many (3 without)
+///   std::int64_t boxes_of_sides();  at most, for the extents (without: as many as the volume took, 100 000 at least)
 ///   LimitBits ends();               the limits without which nothing ends the workspace
 ///   void box(Vec3& min, Vec3& max, const Directions&); a box that holds every reachable point where these are heeded
 ///   Verdict judge(int group, const Vec3& center, const Vec3& half, double radius, const Patch&, const Data&,
@@ -481,7 +482,8 @@ class Subdivision {
       for (const Box& b : state.border) side.push(&b, nullptr);
     }
     constexpr std::int64_t kLeastBudget = 100'000;
-    const std::int64_t budget = std::max(kLeastBudget, out.points);
+    std::int64_t budget = std::max(kLeastBudget, out.points);
+    if constexpr (requires { limits_.boxes_of_sides(); }) budget = limits_.boxes_of_sides();
     for (std::int64_t examined = 0;;) {
       Hull reached;
       for (const Side& side : sides) reached.add(side.found.min, side.found.max);

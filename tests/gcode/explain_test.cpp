@@ -82,7 +82,7 @@ TEST(Explain, ControlAndLoopsAreThoseOfTheFirstRun) {
 TEST(Explain, ArcsAndPathModes) {
   const Explanation arc = explained(17);
   EXPECT_EQ(meaning(arc.words, "I1"), "centre of the arc: 1 inch from its start");
-  EXPECT_EQ(meaning(arc.words, "P2"), "2 turns");
+  EXPECT_EQ(meaning(arc.words, "P2"), "1 whole turn before it goes on to the end");
   EXPECT_EQ(arc.from, arc.to);
   EXPECT_EQ(arc.calls.size(), 1U);
   EXPECT_THAT(meaning(explained(18).in_force, "G64"), HasSubstr("by at most 0.01 inch"));
@@ -163,11 +163,11 @@ TEST(Explain, NumbersBelongToTheCodesOfTheirLine) {
       "G21 F100\nG0 X0 Y0 Z5\nG98 G81 X1 Y1 Z-1 R2\nM62 P3\nG64 P0.01\nG99 G81 X2 R3\nG0 X0 Y0\nG2 X10 I5\nG10 L2 P1 "
       "R30\nM19 R90\nM2\n";
   EXPECT_EQ(meaning(explained(3, text).words, "R2"), "the height from which the cycle feeds: 2 mm");
-  EXPECT_EQ(meaning(explained(4, text).words, "P3"), "a value of the codes beside it");
+  EXPECT_EQ(meaning(explained(4, text).words, "P3"), "digital output 3");
   EXPECT_EQ(meaning(explained(5, text).words, "P0.01"), "rounded corners leave the path by at most 0.01 mm");
   EXPECT_THAT(meaning(explained(6, text).words, "R3"), HasSubstr("and to which it returns: 3 mm"));
   EXPECT_EQ(meaning(explained(9, text).words, "R30"), "turn of the coordinate system, 30 deg");
-  EXPECT_EQ(meaning(explained(10, text).words, "R90"), "a value of the codes beside it");
+  EXPECT_EQ(meaning(explained(10, text).words, "R90"), "to 90 deg");
 }
 
 TEST(Explain, SplinesMoveTheToolAndMessagesAreNoRemarks) {
@@ -185,6 +185,21 @@ TEST(Explain, SplinesMoveTheToolAndMessagesAreNoRemarks) {
   EXPECT_THAT(explained(6, text).words.back().meaning, HasSubstr("values of its parameters"));
   EXPECT_EQ(explained(7, text).words.back().meaning, "a comment");
   EXPECT_EQ(meaning(explained(8, text).words, "Q5"), "at most 5 s");
+}
+
+// A block that changes the coordinates begins where the tool is in those behind it.
+TEST(Explain, TheStartIsToldInTheCoordinatesOfTheEnd) {
+  constexpr std::string_view kText =
+      "G21 G90 F100\nG10 L2 P2 X100 Y0 Z0\nG54 G0 X10 Y0 Z5\nG55 G0 X10\nG92 X0\nG92.1 G1 X50\nG54 G20 X1\nM2\n"
+      "O100\nG1 X5 F100\nM99\n";
+  const auto from = [&](int line) { return explained(line, kText).from[0]; };
+  EXPECT_NEAR(from(4), -90, 1e-9);
+  EXPECT_NEAR(from(6), 10, 1e-9);
+  EXPECT_NEAR(from(7), 150 / 25.4, 1e-9);
+  const Explanation g10 = explained(2, kText);
+  EXPECT_EQ(meaning(g10.words, "P2"), "of coordinate system 2 (G55)");
+  constexpr std::string_view kCalls = "G21 G90 F100\nM98 P100\nM2\nO100\nG1 X5\nM99\n";
+  EXPECT_EQ(meaning(explained(5, kCalls).words, "X5"), "to 5 mm");
 }
 
 }  // namespace

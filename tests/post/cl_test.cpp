@@ -129,13 +129,15 @@ TEST(Cl, DrillsAlongTheToolAxis) {
   const post::Path path = read(
       "UNITS/MM\nMULTAX/ON\nRAPID\nGOTO/0,0,50,0.6,0,0.8\nCYCLE/DRILL,DEPTH,10,MMPM,120,CLEAR,2\n"
       "GOTO/10,0,0\nGOTO/20,0,0\nCYCLE/OFF\nRAPID\nGOTO/0,0,50\nFINI\n");
-  ASSERT_EQ(path.steps.size(), 8u);
-  const Vec3 k(0.6, 0, 0.8), hole(0.010, 0, 0);
-  EXPECT_TRUE(path.steps[1].tip.isApprox(hole + 0.002 * k, 1e-12));
-  EXPECT_EQ(path.steps[2].kind, StepKind::line);
-  EXPECT_TRUE(path.steps[2].tip.isApprox(hole - 0.010 * k, 1e-12));
-  EXPECT_DOUBLE_EQ(path.steps[2].feed, 0.002);
-  EXPECT_EQ(path.steps[3].kind, StepKind::rapid);
+  ASSERT_EQ(path.steps.size(), 10u);
+  const Vec3 k(0.6, 0, 0.8), hole(0.010, 0, 0), start(0, 0, 0.050);
+  EXPECT_NEAR((path.steps[1].tip - start).dot(k), 0, 1e-12) << "across first";
+  EXPECT_TRUE(path.steps[2].tip.isApprox(hole + 0.002 * k, 1e-12));
+  EXPECT_EQ(path.steps[3].kind, StepKind::line);
+  EXPECT_TRUE(path.steps[3].tip.isApprox(hole - 0.010 * k, 1e-12));
+  EXPECT_DOUBLE_EQ(path.steps[3].feed, 0.002);
+  EXPECT_EQ(path.steps[4].kind, StepKind::rapid);
+  EXPECT_TRUE((path.steps[5].tip - path.steps[4].tip).cross(k).norm() < 1e-12) << "up first";
 }
 
 /// GODLTA counts from the last point of the program, which is the hole, not the place above it.
@@ -143,10 +145,10 @@ TEST(Cl, StepsInACycleCountFromTheHole) {
   const post::Path path = read(
       "UNITS/MM\nFROM/0,0,50\nRAPID\nGOTO/0,0,10\nCYCLE/DRILL,DEPTH,8,MMPM,120,CLEAR,2\nGOTO/0,0,0\nGODLTA/10,0,0\n"
       "GODLTA/10,0,-1\nCYCLE/OFF\nRAPID\nGODLTA/0,0,20\nFINI\n");
-  ASSERT_EQ(path.steps.size(), 12u);
+  ASSERT_EQ(path.steps.size(), 13u);
   EXPECT_TRUE(path.steps[6].tip.isApprox(Vec3(0.010, 0, -0.008), 1e-12));
-  EXPECT_TRUE(path.steps[9].tip.isApprox(Vec3(0.020, 0, -0.009), 1e-12));
-  EXPECT_TRUE(path.steps[11].tip.isApprox(Vec3(0.020, 0, 0.019), 1e-12));
+  EXPECT_TRUE(path.steps[10].tip.isApprox(Vec3(0.020, 0, -0.009), 1e-12));
+  EXPECT_TRUE(path.steps[12].tip.isApprox(Vec3(0.020, 0, 0.019), 1e-12));
 }
 
 TEST(Cl, NormalisesAnAxisAndRefusesWhatIsNone) {
@@ -166,6 +168,7 @@ TEST(Cl, RefusesBadInputWithItsPlace) {
       {"UNITS/MM\nRAPID\nGOTO/1,2\n", "PO103", 3},
       {"UNITS/MM\nSPLASH/1,2\n", "PO104", 2},
       {"UNITS/MM\nCYCLE/TAP,DEPTH,10\n", "PO105", 2},
+      {"UNITS/MM\nSPINDL/RPM,1000,CLW\nFROM/0,0,9\nFEDRAT/0.1,MMPR\nGOTO/0,0,0\nSPINDL/OFF\nGOTO/9,0,0\n", "PO108", 7},
       {"UNITS/MM\nTRANS/1,2,3\n", "PO105", 2},
       {"UNITS/MM\nCYCLE/DRILL,FEDTO,10,MMPM,50,CLEAR,2\n", "PO105", 2},
       {"UNITS/MM\nFROM/0,0,9\nCYCLE/DRILL,DEPTH,8,MMPM,50,CLEAR,2\nGOTO/0,0,0\nGOHOME\n", "PO105", 5},
@@ -235,13 +238,45 @@ TEST(Cl, ACycleRetractsToItsOwnHeight) {
   const post::Path path = read(
       "UNITS/MM\nRAPID\nGOTO/0,0,20\nSELECT/TOOL,2\nCYCLE/DRILL,RAPTO,3,FEDTO,-15,RTRCTO,10,MMPM,250\nGOTO/5,0,0\n"
       "CYCLE/OFF\nFINI\n");
-  ASSERT_EQ(path.steps.size(), 4u);
-  const double heights[] = {20, 3, -15, 10};
-  for (std::size_t i = 0; i < 4; ++i) EXPECT_NEAR(path.steps[i].tip.z(), heights[i] * 1e-3, 1e-12);
-  EXPECT_EQ(path.steps[2].kind, StepKind::line);
-  EXPECT_EQ(path.steps[3].kind, StepKind::rapid);
+  ASSERT_EQ(path.steps.size(), 5u);
+  const double heights[] = {20, 20, 3, -15, 10};
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_NEAR(path.steps[i].tip.z(), heights[i] * 1e-3, 1e-12);
+  EXPECT_EQ(path.steps[3].kind, StepKind::line);
+  EXPECT_EQ(path.steps[4].kind, StepKind::rapid);
   EXPECT_EQ(id_of(post::parse_cl("UNITS/MM\nCYCLE/DRILL,RAPTO,3,FEDTO,-15,RTRCTO,1,MMPM,250\nGOTO/5,0,0\nFINI\n", "t")),
             "PO105");
+}
+
+/// A feed per revolution is that of the spindle in each cut, and so is that of a cycle.
+TEST(ClFiles, AFeedPerRevolutionFollowsTheSpindle) {
+  const auto path = value(post::parse_cl(
+      "UNITS/MM\nSPINDL/RPM,1000,CLW\nFROM/0,0,50\nFEDRAT/0.1,MMPR\nGOTO/0,0,2\nSPINDL/RPM,4000,CLW\nGOTO/10,0,2\n"
+      "FEDRAT/300,MMPM\nGOTO/20,0,2\nCYCLE/DRILL,DEPTH,5,MMPR,0.2,CLEAR,2\nGOTO/30,0,0\nSPINDL/RPM,500,CLW\nGOTO/"
+      "40,0,0\n"
+      "CYCLE/OFF\nEND\n",
+      "t"));
+  std::vector<double> feeds;  // mm/min
+  for (const post::Step& s : path.steps)
+    if (s.kind == post::StepKind::line) feeds.push_back(units::to_mm_per_min(s.feed));
+  ASSERT_EQ(feeds.size(), 5u);
+  const double expected[] = {100, 400, 300, 800, 100};
+  for (std::size_t i = 0; i < feeds.size(); ++i) EXPECT_NEAR(feeds[i], expected[i], 1e-9) << i;
+  for (const std::string& note : path.notes) EXPECT_EQ(note.find("cut off"), std::string::npos) << note;
+}
+
+/// The rapid to a hole: across before down, up before across, along the tool axis.
+TEST(ClFiles, AHoleIsComeToFromAbove) {
+  const auto path = value(post::parse_cl(
+      "UNITS/MM\nFROM/0,0,50\nFEDRAT/300,MMPM\nGOTO/0,0,0\nCYCLE/DRILL,DEPTH,10,MMPM,50,CLEAR,3\nGOTO/100,0,-20\n"
+      "GOTO/120,0,5\nCYCLE/OFF\nFINI\n",
+      "t"));
+  std::vector<Vec3> rapids;  // mm
+  for (const post::Step& s : path.steps)
+    if (s.kind == post::StepKind::rapid) rapids.push_back(s.tip * 1e3);
+  const Vec3 expected[] = {{0, 0, 50},  {100, 0, 0}, {100, 0, -17}, {100, 0, -17},
+                           {100, 0, 8}, {120, 0, 8}, {120, 0, 8}};
+  ASSERT_EQ(rapids.size(), std::size(expected));
+  for (std::size_t i = 0; i < rapids.size(); ++i) EXPECT_LT((rapids[i] - expected[i]).norm(), 1e-9) << i;
 }
 
 TEST(Cl, TellsItsFilesFromPrograms) {

@@ -15,6 +15,7 @@ struct MadeFor {
   Other other = Other::none;
   std::string message;     ///< what is other; empty where nothing is
   std::string not_judged;  ///< why that is not known of the compliances; else empty
+  bool unreached = false;  ///< the machine does not hold its tool so where the first cut begins: nothing was compared
 };
 
 /// What the header says beside the job: the name of the machine, the place of the workpiece, and what 100 N do to the

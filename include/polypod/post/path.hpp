@@ -109,7 +109,8 @@ struct ProgramOptions {
 /// place is not known; PO118 a word that is not carried over; PO126 `/` without block_delete_said. Cost: linear.
 Result<Path> read_program(const std::string& file, const ProgramOptions& options = {});
 
-/// What `correct` wrote over the program; that of the first header, for programs that were corrected again have several.
+/// What `correct` wrote over the program; that of the first header, for programs that were corrected again have
+/// several.
 std::optional<gcode::CorrectionHeader> correction_header(const Path& path);
 
 /// Whether a text is an APT CL file: its first statement is a word of APT (`GOTO/`, `PARTNO`, `$$`).

@@ -49,6 +49,8 @@ class ArmLimits {
     return (possible(elbow_) * possible(wrist_) > 1 ? 0.5 : 2.0) * (f_.reach + std::abs(f_.d4));
   }
 
+  /// As of SixJointLimits.
+  [[nodiscard]] double hand() const { return f_.reach; }
   [[nodiscard]] static LimitBits ends() { return 0; }  // its links are rigid
   void box(Vec3& low, Vec3& high, const Directions&) const {
     const Vec3 center = f_.X_BM.inverse() * Vec3(0, 0, f_.d1);
@@ -410,8 +412,10 @@ using SerialLimits =
 
 /// Of an arm whose inverse with `more` is that of `inner`.
 inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& inner, const OneMore& more,
-                                                      LimitBits limits) {
-  const auto with = [&]<class Inner>(Inner arm) { return SerialLimits(OneMoreLimits<Inner>(std::move(arm), more)); };
+                                                      LimitBits limits, double tolerance) {
+  const auto with = [&]<class Inner>(Inner arm) {
+    return SerialLimits(OneMoreLimits<Inner>(std::move(arm), more, tolerance));
+  };
   if (const auto closed = machine::WristInverse::of(inner)) return with(ArmLimits(closed->form(), limits));
   if (const auto closed = machine::SphericalWristInverse::of(inner))
     if (const auto form = closed->form()) return with(SixJointLimits(*form, limits));
@@ -424,7 +428,8 @@ inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& 
 
 /// Of an arm as RedundantInverse takes it: six joints whose task leaves the turn about the tool axis free, or one that
 /// a rail or a turntable carries.
-inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& arm, LimitBits limits) {
+inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& arm, LimitBits limits,
+                                                      double tolerance) {
   if (arm.free_joints() != arm.task.size() + 1 || arm.is_coupled()) return {};
   OneMore more;
   if (arm.task == machine::Task::axis) {
@@ -432,7 +437,7 @@ inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& 
     inner.task = machine::Task::pose;
     more.from = -std::numbers::pi;
     more.to = std::numbers::pi;
-    if (auto spun = one_more_bounds_of(inner, more, limits)) return spun;
+    if (auto spun = one_more_bounds_of(inner, more, limits, tolerance)) return spun;
   }
   const auto first = std::find_if(arm.dh.begin(), arm.dh.end(), [](const machine::DhRow& r) { return !r.locked; });
   const auto carried = machine::CarriedArm::of(arm, static_cast<std::size_t>(first - arm.dh.begin()));
@@ -452,7 +457,7 @@ inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& 
       more.to = std::numbers::pi;
     }
   }
-  return one_more_bounds_of(carried->arm(), more, limits >> 2);
+  return one_more_bounds_of(carried->arm(), more, limits >> 2, tolerance);
 }
 
 /// Of a six-joint arm whose joint 2 turns joint 3, too, as much as itself.
@@ -496,7 +501,8 @@ inline Result<SerialLimits> bounds_of(const machine::SerialArm& arm, const Optio
   if (const auto closed = machine::CartesianInverse::of(arm))
     if (CartesianLimits::serves(closed->form(), options.limits)) return CartesianLimits(closed->form(), options.limits);
   if (const auto closed = machine::ScaraInverse::of(arm)) return ScaraLimits(closed->form(), options.limits);
-  if (auto redundant = one_more_bounds_of(arm, options.limits)) return *std::move(redundant);
+  if (auto redundant = one_more_bounds_of(arm, options.limits, options.relative_tolerance))
+    return *std::move(redundant);
   return no_bounds(arm.name);
 }
 inline bool bounded(const machine::SerialArm& arm) {

@@ -68,14 +68,24 @@ class OneMoreLimits {
  public:
   struct Data {};
 
-  OneMoreLimits(Inner arm, const OneMore& more) : arm_(std::move(arm)), more_(more) {
+  /// `tolerance`: to which the volume is asked for.
+  OneMoreLimits(Inner arm, const OneMore& more, double tolerance)
+      : arm_(std::move(arm)), more_(more), tolerance_(tolerance) {
     arm_.box(low_, high_, Directions{});
   }
 
   [[nodiscard]] static int groups() { return 1; }
-  /// What takes ten seconds.
-  [[nodiscard]] static std::int64_t few_boxes() { return 60'000; }
+  /// What takes ten seconds, where that may do: a rail brings some 5 % by then, a turn, which moves the tip and
+  /// converges with the first order of the box, some 20 %.
+  [[nodiscard]] std::int64_t few_boxes() const {
+    const bool rail = more_.kind == OneMore::Kind::rail;
+    constexpr double kOfRail = 0.05, kOfTurn = 0.2;
+    if (tolerance_ < (rail ? kOfRail : kOfTurn)) return 3'000;
+    return rail ? 150'000 : 20'000;
+  }
   [[nodiscard]] static std::int64_t few_boxes_of_a_cone() { return 5'000; }
+  /// What takes some seconds.
+  [[nodiscard]] std::int64_t boxes_of_sides() const { return more_.kind == OneMore::Kind::rail ? 20'000 : 3'000; }
   [[nodiscard]] double lever() const { return arm_.lever(); }
   /// The rail, whose limits are the first two.
   [[nodiscard]] LimitBits ends() const { return more_.kind == OneMore::Kind::rail ? 3 : 0; }
@@ -103,11 +113,11 @@ class OneMoreLimits {
     Look look{*this, center, half, patch};
     const double finest = kFinest * radius / per_u(center);
     std::vector<Piece> now{{a, b}}, next;
-    while (!now.empty()) {
+    for (int level = 0; !now.empty(); ++level) {
       next.clear();
       for (const Piece& p : now) {
-        if (look.reaches_from(p.middle())) return Verdict::inside;
         const bool last = !(p.length() > finest);
+        if ((last || level < kFewLevels) && look.reaches_from(p.middle())) return Verdict::inside;
         switch (look.over(p, last)) {
           case Verdict::inside:
             return Verdict::inside;
@@ -145,7 +155,9 @@ class OneMoreLimits {
     [[nodiscard]] double length() const { return to - from; }
   };
   static constexpr double kInfinity = arm::kInfinity;
-  static constexpr double kFinest = 0.25;           // of a box's radius
+  static constexpr double kFinest = 1;              // of a box's radius
+  static constexpr double kLeastHand = 0.05;        // m
+  static constexpr int kFewLevels = 4;              // in which most boxes within are found
   static constexpr int kNothing = 20, kAbove = 21;  // beyond the labels of the arm's limits
 
   /// What was seen of one box and patch.
@@ -211,7 +223,7 @@ class OneMoreLimits {
   [[nodiscard]] double per_u(const Vec3& center) const {
     if (more_.kind == OneMore::Kind::rail) return more_.axis.norm();
     const double away = more_.kind == OneMore::Kind::spin ? 0.0 : more_.axis.cross(center - more_.point).norm();
-    return std::max(away + arm_.lever(), 1e-3);
+    return std::max(away + arm_.hand(), kLeastHand);
   }
 
   /// The places of a rail from which the box that holds the arm's workspace meets this one; false: none.
@@ -242,6 +254,7 @@ class OneMoreLimits {
 
   Inner arm_;
   OneMore more_;
+  double tolerance_;
   Vec3 low_, high_;  ///< hold the arm's workspace
 };
 

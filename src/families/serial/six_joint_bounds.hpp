@@ -55,6 +55,8 @@ class SixJointLimits {
     };
     return (possible(elbow_) * possible(wrist_) > 1 ? 0.5 : 2.0) * (f_.wrist_T.norm() + f_.fore);
   }
+  /// From the tip to what its turns leave in place, m.
+  [[nodiscard]] double hand() const { return f_.wrist_T.norm(); }
   [[nodiscard]] static LimitBits ends() { return 0; }  // its links are rigid
   void box(Vec3& low, Vec3& high, const Directions&) const {
     const Vec3 center = -(f_.R_AM.transpose() * f_.p_AM);

@@ -38,6 +38,8 @@ class ThreeParallelLimits {
   /// As of SixJointLimits, one of several branches; at 1 us each.
   [[nodiscard]] static std::int64_t few_boxes() { return 10'000'000; }
   [[nodiscard]] double lever() const { return 0.5 * (f_.P_T.norm() + std::hypot(f_.hand[0], f_.hand[1]) + f_.fore); }
+  /// As of SixJointLimits.
+  [[nodiscard]] double hand() const { return f_.P_T.norm() + std::hypot(f_.hand[0], f_.hand[1]); }
   [[nodiscard]] static LimitBits ends() { return 0; }  // its links are rigid
   void box(Vec3& low, Vec3& high, const Directions&) const {
     const Vec3 center = -(f_.R_AM.transpose() * f_.p_AM);
