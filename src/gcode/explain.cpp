@@ -296,9 +296,10 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
     case 'L':
       if (has('G', {100})) {
         if (word.value == 2) return "sets the origin of a coordinate system";
-        if (word.value == 20) return "sets the origin of a coordinate system so that the tool stands at these values";
+        if (word.value == 20)
+          return "sets the origin of a coordinate system so that these are the coordinates of the tool";
         return word.value == 1 ? "sets an entry of the tool table"
-                               : "sets an entry of the tool table so that the tool stands at these values";
+                               : "sets an entry of the tool table so that these are the coordinates of the tool";
       }
       if (in_cycle) return fmt::format("{} holes", value);
       if (has('M', {980})) return fmt::format("{} times", value);
