@@ -83,7 +83,8 @@ class OneMoreLimits {
     if (tolerance_ < (rail ? kOfRail : kOfTurn)) return 3'000;
     return rail ? 150'000 : 20'000;
   }
-  [[nodiscard]] static std::int64_t few_boxes_of_a_cone() { return 5'000; }
+  /// Of a cone there is no plane above what the pieces reach: no number of boxes would do.
+  [[nodiscard]] static std::int64_t few_boxes_of_a_cone() { return 64; }
   /// What takes some seconds.
   [[nodiscard]] std::int64_t boxes_of_sides() const { return more_.kind == OneMore::Kind::rail ? 20'000 : 3'000; }
   [[nodiscard]] double lever() const { return arm_.lever(); }
