@@ -159,6 +159,39 @@ TEST(RailBounds, PlanesHoldOnBothSides) {
   }
 }
 
+/// What the arm sees from any u of a piece, of any tip in the box, lies in what `seen` says.
+TEST(OneMore, WhatIsSeenFromAPieceHoldsWhatIsSeenFromEachOfIts) {
+  Random random{std::mt19937_64(3)};
+  const auto vector = [&](double size) { return Vec3(random(-size, size), random(-size, size), random(-size, size)); };
+  for (int trial = 0; trial < 3000; ++trial) {
+    OneMore more;
+    more.kind = static_cast<OneMore::Kind>(trial % 3);
+    more.axis = more.kind == OneMore::Kind::rail ? vector(1) : vector(1).normalized();
+    more.point = vector(1);
+    const Vec3 center = vector(2), half = vector(0.2).cwiseAbs();
+    const double u = random(-3, 3), w = random(0, 0.8);
+    const Patch patch = one_direction();
+    const OneMore::Seen seen = more.seen(center, half, patch, u, w);
+    for (int k = 0; k < 10; ++k) {
+      const Vec3 x = half.cwiseProduct(vector(1));
+      const double at = u + 0.5 * w * (k < 2 ? 2 * k - 1 : random(-1, 1));
+      Pose X{Mat3::Identity(), center + x};
+      if (more.kind == OneMore::Kind::rail) {
+        X.p -= at * more.axis;
+      } else if (more.kind == OneMore::Kind::spin) {
+        X.R = rotation_z(at);
+      } else {
+        const Mat3 back = Eigen::AngleAxisd(-at, more.axis).toRotationMatrix();
+        X = {back, more.point + back * (X.p - more.point)};
+      }
+      EXPECT_TRUE(((X.p - seen.center).cwiseAbs().array() <= seen.half.array() + 1e-12).all()) << trial;
+      const Vec3 G = vector(1), off = X.p - seen.center - seen.turn * x, b = vector(1);
+      EXPECT_LE(std::abs(G.dot(off)), std::abs(G.dot(seen.along)) + G.norm() * seen.round + 1e-12) << trial;
+      EXPECT_LE((X.R * b - seen.patch.R * b).norm(), seen.patch.bend * b.norm() + 1e-12) << trial;
+    }
+  }
+}
+
 TEST(ScaraBounds, PlanesHoldOnBothSides) {
   for (const char* text : {kScara, kColumn}) {
     const machine::SerialArm arm = arm_of(text);
