@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <tuple>
 #include <variant>
 
 #include "../../workspace/no_bounds.hpp"
@@ -410,18 +411,15 @@ using SerialLimits =
     std::variant<ArmLimits, SixJointLimits, ThreeParallelLimits, CartesianLimits, ScaraLimits, OneMoreLimits<ArmLimits>,
                  OneMoreLimits<SixJointLimits>, OneMoreLimits<ThreeParallelLimits>>;
 
-/// Of an arm whose inverse with `more` is that of `inner`.
-inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& inner, const OneMore& more,
-                                                      LimitBits limits, double tolerance) {
-  const auto with = [&]<class Inner>(Inner arm) {
-    return SerialLimits(OneMoreLimits<Inner>(std::move(arm), more, tolerance));
-  };
-  if (const auto closed = machine::WristInverse::of(inner)) return with(ArmLimits(closed->form(), limits));
-  if (const auto closed = machine::SphericalWristInverse::of(inner))
-    if (const auto form = closed->form()) return with(SixJointLimits(*form, limits));
-  if (const auto closed = machine::ThreeParallelInverse::of(inner)) {
+/// Of an arm with the closed inverse of five or six joints: `wrap` of its bounds.
+template <class Wrap>
+std::optional<SerialLimits> closed_bounds_of(const machine::SerialArm& arm, LimitBits limits, const Wrap& wrap) {
+  if (const auto closed = machine::WristInverse::of(arm)) return wrap(ArmLimits(closed->form(), limits));
+  if (const auto closed = machine::SphericalWristInverse::of(arm))
+    if (const auto form = closed->form()) return wrap(SixJointLimits(*form, limits));
+  if (const auto closed = machine::ThreeParallelInverse::of(arm)) {
     const auto form = closed->form();
-    if (form && ThreeParallelLimits::serves(*form, limits)) return with(ThreeParallelLimits(*form, limits));
+    if (form && ThreeParallelLimits::serves(*form, limits)) return wrap(ThreeParallelLimits(*form, limits));
   }
   return {};
 }
@@ -432,12 +430,15 @@ inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& 
                                                       double tolerance) {
   if (arm.free_joints() != arm.task.size() + 1 || arm.is_coupled()) return {};
   OneMore more;
+  const auto with_more = [&]<class Inner>(Inner inner) {
+    return SerialLimits(OneMoreLimits<Inner>(std::move(inner), more, tolerance));
+  };
   if (arm.task == machine::Task::axis) {
     machine::SerialArm inner = arm;
     inner.task = machine::Task::pose;
     more.from = -std::numbers::pi;
     more.to = std::numbers::pi;
-    if (auto spun = one_more_bounds_of(inner, more, limits, tolerance)) return spun;
+    if (auto spun = closed_bounds_of(inner, limits, with_more)) return spun;
   }
   const auto first = std::find_if(arm.dh.begin(), arm.dh.end(), [](const machine::DhRow& r) { return !r.locked; });
   const auto carried = machine::CarriedArm::of(arm, static_cast<std::size_t>(first - arm.dh.begin()));
@@ -445,19 +446,14 @@ inline std::optional<SerialLimits> one_more_bounds_of(const machine::SerialArm& 
   const machine::JointRange range = carried->range();
   more.from = range.min;
   more.to = range.max;
-  if (carried->axis().kind == machine::JointKind::prismatic) {
-    more.kind = OneMore::Kind::rail;
-    more.axis = -carried->seen(Pose(), 1).p;
-  } else {
-    more.kind = OneMore::Kind::turntable;
-    more.axis = carried->line().first;
-    more.point = carried->line().second;
-    if (arm::turns_freely(range.min, range.max, limits, 0)) {
-      more.from = -std::numbers::pi;
-      more.to = std::numbers::pi;
-    }
+  const bool slides = carried->axis().kind == machine::JointKind::prismatic;
+  more.kind = slides ? OneMore::Kind::rail : OneMore::Kind::turntable;
+  std::tie(more.axis, more.point) = carried->line();
+  if (!slides && arm::turns_freely(range.min, range.max, limits, 0)) {
+    more.from = -std::numbers::pi;
+    more.to = std::numbers::pi;
   }
-  return one_more_bounds_of(carried->arm(), more, limits >> 2, tolerance);
+  return closed_bounds_of(carried->arm(), limits >> 2, with_more);
 }
 
 /// Of a six-joint arm whose joint 2 turns joint 3, too, as much as itself.
@@ -491,13 +487,8 @@ inline Result<SerialLimits> bounds_of(const machine::SerialArm& arm, const Optio
     if (auto coupled = coupled_bounds_of(arm, options.limits)) return *std::move(coupled);
     return no_bounds(arm.name);
   }
-  if (const auto closed = machine::WristInverse::of(arm)) return ArmLimits(closed->form(), options.limits);
-  if (const auto closed = machine::SphericalWristInverse::of(arm))
-    if (const auto form = closed->form()) return SixJointLimits(*form, options.limits);
-  if (const auto closed = machine::ThreeParallelInverse::of(arm)) {
-    const auto form = closed->form();
-    if (form && ThreeParallelLimits::serves(*form, options.limits)) return ThreeParallelLimits(*form, options.limits);
-  }
+  const auto alone = [](auto limits) { return SerialLimits(std::move(limits)); };
+  if (auto closed = closed_bounds_of(arm, options.limits, alone)) return *std::move(closed);
   if (const auto closed = machine::CartesianInverse::of(arm))
     if (CartesianLimits::serves(closed->form(), options.limits)) return CartesianLimits(closed->form(), options.limits);
   if (const auto closed = machine::ScaraInverse::of(arm)) return ScaraLimits(closed->form(), options.limits);

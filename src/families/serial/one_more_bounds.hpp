@@ -75,8 +75,8 @@ class OneMoreLimits {
   }
 
   [[nodiscard]] static int groups() { return 1; }
-  /// What takes ten seconds, where that may do: a rail brings some 5 % by then, a turn, which moves the tip and
-  /// converges with the first order of the box, some 20 %.
+  /// What takes ten seconds, where that may do: a rail brings some 5 % by then, a turn about the tool axis,
+  /// which converges with the first order of the box, some 20 %, a turntable some 50 %.
   [[nodiscard]] std::int64_t few_boxes() const {
     const bool rail = more_.kind == OneMore::Kind::rail;
     constexpr double kOfRail = 0.05, kOfTurn = 0.2;
