@@ -226,7 +226,9 @@ Result<Extent> extent(const AnyMachine& machine, const Options& options, bool up
   coarse.keep_cells = false;
   coarse.bounds_tolerance = 0;
   coarse.progress = nullptr;
-  const auto box_of = [&](const Directions& directions, double tolerance, std::int64_t cells) -> Result<Extent> {
+  const bool slow = bounds_are_slow(machine);
+  const double tolerance = slow ? 1.0 : 0.1;
+  const auto box_of = [&](const Directions& directions, std::int64_t cells) -> Result<Extent> {
     coarse.directions = directions;
     coarse.relative_tolerance = tolerance;
     coarse.max_cells = cells;
@@ -239,18 +241,17 @@ Result<Extent> extent(const AnyMachine& machine, const Options& options, bool up
     const double at = range ? 0.5 * ((*range)[0] + (*range)[1]) : 0.0;
     return std::array<double, 2>{at, at};
   };
-  constexpr double kTolerance = 0.1;
-  constexpr std::int64_t kMostCells = 100'000, kFewCells = 3000;
+  const std::int64_t most_cells = slow ? 5'000 : 100'000, few_cells = 3000;
   const Directions& all = options.directions;
-  POLYPOD_ASSIGN(one, box_of({0, middle(all.a_range), middle(all.b_range)}, kTolerance, kMostCells));
+  POLYPOD_ASSIGN(one, box_of({0, middle(all.a_range), middle(all.b_range)}, most_cells));
   if (!kinematics::task(machine).places()) return one;  // its directions are coordinates
   Extent out;
   if (!one.empty()) {
-    POLYPOD_ASSIGN(rough, box_of(all, kTolerance, kFewCells));
+    POLYPOD_ASSIGN(rough, box_of(all, few_cells));
     if (!rough.empty()) out = {one.low.cwiseMax(rough.low), one.high.cwiseMin(rough.high)};
   }
   if (!upright_too) return out;
-  POLYPOD_ASSIGN(upright, box_of({}, kTolerance, kMostCells));
+  POLYPOD_ASSIGN(upright, box_of({}, most_cells));
   if (upright.empty()) return out;
   return out.empty() ? upright : Extent{out.low.cwiseMin(upright.low), out.high.cwiseMax(upright.high)};
 }
@@ -266,8 +267,9 @@ Result<InsidePoints> points_inside(const AnyMachine& machine, const Options& opt
   coarse.keep_cells = true;
   coarse.bounds_tolerance = 0;
   coarse.progress = nullptr;
-  coarse.relative_tolerance = 0.02;
-  coarse.max_cells = 100'000;
+  const bool slow = bounds_are_slow(machine);
+  coarse.relative_tolerance = slow ? 1 : 0.02;
+  coarse.max_cells = slow ? 2000 : 100'000;
   Volume v;
   v.upper = std::numeric_limits<double>::infinity();
   enum : std::uint8_t { kOut, kIn, kOpen };

@@ -19,7 +19,8 @@ namespace {
 
 /// The limits of a family at one pose, branch by branch. Each has `slots`, `kBranches`, and
 /// `values(X, out)`, out[branch * slots.size() + slot]. The families' own are pose_judge(m, options), where they have
-/// one; this is that of all others: the best of the solutions that the inverse finds.
+/// one, or redundant_judge(m, options) where joints are free; this is that of all others: the best of the solutions
+/// that the inverse finds.
 template <class M>
 class SearchJudge {
  public:
@@ -327,13 +328,14 @@ std::unique_ptr<PointJudge> judge_unchecked(const AnyMachine& machine, const Opt
                                             const FieldOptions& field_options) {
   return std::visit(
       [&]<class M>(const M& m) -> std::unique_ptr<PointJudge> {
-        if constexpr (requires { pose_judge(m, options); }) {
-          if (auto own = pose_judge(m, options)) {
-            using Own = std::remove_cvref_t<decltype(*own)>;
-            return std::make_unique<JudgeOf<Own>>(std::move(*own), machine, options, field_options);
-          }
-        }
-        return std::make_unique<JudgeOf<SearchJudge<M>>>(SearchJudge<M>(m, options), machine, options, field_options);
+        const auto with = [&]<class Own>(Own own) -> std::unique_ptr<PointJudge> {
+          return std::make_unique<JudgeOf<Own>>(std::move(own), machine, options, field_options);
+        };
+        if constexpr (requires { pose_judge(m, options); })
+          if (auto own = pose_judge(m, options)) return with(*std::move(own));
+        if constexpr (requires { redundant_judge(m, options); })
+          if (auto own = redundant_judge(m, options)) return with(*std::move(own));
+        return with(SearchJudge<M>(m, options));
       },
       machine);
 }

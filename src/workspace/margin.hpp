@@ -51,6 +51,10 @@ double border_between(const F& f, double f_inside, double f_outside, double shar
   return 0.5 * (a + b);
 }
 
+/// Whether a box of volume() takes far longer than a pose of the judge: boxes that only narrow down what is judged pose
+/// by pose are then left large.
+bool bounds_are_slow(const AnyMachine& machine);
+
 /// Runs task(i) for i = 0 .. count - 1 on the threads of the options, in rounds between which progress and cancelled
 /// are asked. Errors: WS110.
 Status in_rounds(const Options& options, std::size_t count, const std::function<void(std::size_t)>& task,

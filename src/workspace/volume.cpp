@@ -8,6 +8,7 @@
 
 #include "../families/bounds.hpp"
 #include "by_closure/bounds.hpp"
+#include "margin.hpp"
 #include "no_bounds.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -181,6 +182,15 @@ bool has_bounds(const AnyMachine& machine) {
         return requires(const Options& options) {
           bounds_of(m, options);
         };
+      },
+      machine);
+}
+
+bool bounds_are_slow(const AnyMachine& machine) {
+  return std::visit(
+      [](const auto& m) {
+        if constexpr (requires { bounds_are_slow(m); }) return bounds_are_slow(m);
+        return false;
       },
       machine);
 }

@@ -9,6 +9,8 @@
 #include <string>
 
 #include "../families/serial/bounds.hpp"
+#include "../families/serial/judge.hpp"
+#include "margin.hpp"
 #include "planes.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
@@ -294,6 +296,59 @@ TEST(RailBounds, ALongRailGrowsByTheSilhouette) {
   const auto endless = volume(AnyMachine(robot_on_a_rail()), off);
   ASSERT_FALSE(endless);
   EXPECT_EQ(endless.error().id, "WS108");
+}
+
+// Pictures and fields judge pose by pose: the sign of their margin is that of the best u, and none of them leaves the
+// judging to a search by Newton's method (two orders slower where nothing is reached).
+TEST(RedundantJudge, HasTheSignOfTheBestPlace) {
+  const auto expect_signs = [](const machine::SerialArm& arm, const auto& best) {
+    const AnyMachine machine(arm);
+    ASSERT_TRUE(redundant_judge(arm, Options{}));
+    const auto judge = judge_unchecked(machine, Options{}, FieldOptions{});
+    const auto bounds = bounds_of(arm, Options{});
+    Vec3 low, high;
+    std::visit([&](const auto& limits) { limits.box(low, high, {}); }, *bounds);
+    Random random{std::mt19937_64(11)};
+    const auto point = [&] {
+      return Vec3(random(low.x(), high.x()), random(low.y(), high.y()), random(low.z(), high.z()));
+    };
+    int in = 0, out = 0;
+    for (int k = 0; k < 200; ++k) {  // near the border
+      Vec3 inside = point(), outside = point();
+      if (!(best(inside) > 0 && best(outside) < 0)) continue;
+      for (int i = 0; i < 12; ++i) {
+        const Vec3 p = 0.5 * (inside + outside);
+        const double expected = best(p);
+        (expected > 0 ? inside : outside) = p;
+        if (std::abs(expected) < 1e-4) continue;
+        (expected > 0 ? in : out) += 1;
+        const Margin margin = judge->margin(p);
+        EXPECT_EQ(margin.value >= 0, expected > 0) << p.transpose() << ", " << margin.value << " for " << expected;
+      }
+    }
+    EXPECT_GT(in, 20);
+    EXPECT_GT(out, 20);
+  };
+  machine::SerialArm table = robot_on_a_rail();
+  table.X_MB = {};
+  table.dh[0] = {};
+  table.dh[0].range = {-1, 0.8};
+  table.dh[1].alpha = 0;
+  table.dh[1].a = 0.6;
+  for (const machine::SerialArm& arm : {robot_on_a_rail(), five_on_a_rail(), table}) {
+    const auto carried = machine::CarriedArm::of(arm);
+    expect_signs(arm, [&](const Vec3& p) {
+      return best_margin(carried->arm(), carried->range(), [&](double u) {
+        return carried->seen({Mat3::Identity(), p}, u);
+      });
+    });
+  }
+  auto spun = std::get<machine::SerialArm>(*machine::load("kuka-kr210"));
+  const machine::SerialArm pose = spun;
+  spun.task = machine::Task::axis;
+  expect_signs(spun, [&](const Vec3& p) {
+    return best_margin(pose, {-std::numbers::pi, std::numbers::pi}, [&](double u) { return Pose{rotation_z(u), p}; });
+  });
 }
 
 }  // namespace

@@ -499,5 +499,9 @@ inline Result<SerialLimits> bounds_of(const machine::SerialArm& arm, const Optio
 inline bool bounded(const machine::SerialArm& arm) {
   return bounds_of(arm, Options{}).has_value();
 }
+/// Whether a box takes far longer than a pose: what only narrows down a search is then left loose.
+inline bool bounds_are_slow(const machine::SerialArm& arm) {
+  return one_more_bounds_of(arm, Options{}.limits, 1).has_value();
+}
 
 }  // namespace polypod::workspace

@@ -7,8 +7,11 @@
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "../../workspace/judge.hpp"
+#include "redundant.hpp"
 
 namespace polypod::workspace {
 
@@ -86,6 +89,57 @@ inline std::optional<ArmJudge> pose_judge(const machine::SerialArm& arm, const O
   const auto closed = machine::WristInverse::of(arm);
   if (!closed) return {};
   return ArmJudge(*closed, options.limits);
+}
+
+/// Arms with one freedom more than their task holds: at each pose the joints that stay farthest from the limits.
+class RedundantJudge {
+ public:
+  static constexpr int kBranches = 1;
+  std::vector<Slot> slots;
+
+  RedundantJudge(machine::RedundantInverse inverse, const machine::SerialArm& arm, const Options& options)
+      : inverse_(std::move(inverse)), scales_(static_cast<std::size_t>(2 * joint_count(arm)), 0.0) {
+    for (int i = 0; i < joint_count(arm); ++i) ranges_.push_back(joint_range(arm, i));
+    for (const Slot& slot : slots_of(arm, options)) {
+      const auto joint = static_cast<std::size_t>(slot.limit / 2);
+      const bool whole_turn = joint_kind(arm, slot.limit / 2) == machine::JointKind::revolute &&
+                              ranges_[joint].max - ranges_[joint].min >= 2 * std::numbers::pi - 1e-9;
+      if (whole_turn) continue;
+      slots.push_back(slot);
+      scales_[static_cast<std::size_t>(slot.limit)] = slot.scale;
+    }
+    slots.push_back({kOutOfReach, 1});
+  }
+
+  [[nodiscard]] static std::vector<Vec3> critical(const Vec3&) { return {}; }
+
+  void values(const Pose& X, double* out) const {
+    const std::optional<machine::JointVector> q = inverse_.roomiest(X, scales_);
+    for (const Slot& slot : slots) {
+      if (slot.limit == kOutOfReach) {
+        *out++ = q ? kUnknown : -kUnknown;
+      } else if (!q) {
+        *out++ = kUnknown;
+      } else {
+        const machine::JointRange& range = ranges_[static_cast<std::size_t>(slot.limit / 2)];
+        const double at = (*q)[slot.limit / 2];
+        *out++ = slot.scale * (slot.limit % 2 == 0 ? at - range.min : range.max - at);
+      }
+    }
+  }
+
+ private:
+  machine::RedundantInverse inverse_;
+  std::vector<double> scales_;
+  std::vector<machine::JointRange> ranges_;
+};
+
+/// Nothing where the arm has no such freedom, or its limits, within which it is looked for, do not count.
+inline std::optional<RedundantJudge> redundant_judge(const machine::SerialArm& arm, const Options& options) {
+  if (has_closed_inverse(arm)) return {};
+  auto inverse = machine::RedundantInverse::of(arm);
+  if (!inverse || (inverse->own_limits() & ~options.limits) != 0) return {};
+  return RedundantJudge(*std::move(inverse), arm, options);
 }
 
 }  // namespace polypod::workspace

@@ -636,7 +636,7 @@ std::function<std::optional<JointVector>(const Pose&)> joint_finder(const Serial
     return [form = closed.coupled, first_of](const Pose& X_MT) { return first_of(form->solve(X_MT)); };
   }
   if (const auto& redundant = redundant_inverse(arm)) {
-    return [form = *redundant, arm, first_of](const Pose& X_MT) { return first_of(found_over(form, arm, X_MT)); };
+    return [form = *redundant, first_of](const Pose& X_MT) { return first_of(form.solve(X_MT)); };
   }
   return {};
 }
