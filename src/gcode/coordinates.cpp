@@ -101,15 +101,12 @@ void Engine::forget(std::size_t axis) {
   if (axis < 2 && rotation_ != 0) known_[0] = known_[1] = false;
 }
 
-/// G10, G28, G30, G52, G92 ...: what takes axis words without being a motion.
+/// G10, G28, G30, G52, G92: what takes axis words without being a motion.
 Status Engine::origin() {
-  const int g = one_of('G', 100, 280, 281, 300, 301, 520, 920, 921, 922, 923);
+  const int g = one_of('G', 100, 280, 281, 300, 301, 520, 920);
   if (g < 0) return {};
   const int column = g_word(g)->column;
   rewritten_ = true;
-  const auto remember = [&] {
-    for (std::size_t k = 0; k < 6; ++k) parameter(5211 + static_cast<int>(k)) = k < 3 ? inches(g92_[k]) : g92_[k];
-  };
   switch (g) {
     case 100: {
       const int l = find('L') != nullptr ? integer('L') : -1;
@@ -130,8 +127,7 @@ Status Engine::origin() {
       }
       return {};
     }
-    case 520:
-    case 920: {
+    default: {  // G52, G92
       if (!axis_words())
         return error(column, "GC168", fmt::format("G{} without axes", g / 10), "name at least one axis");
       Axes next = g92_;
@@ -148,15 +144,30 @@ Status Engine::origin() {
       for (std::size_t k = 0; k < 6; ++k) {  // as it was said, without the error of a sum
         if (const Word* word = find(kAxisLetters[k]); word != nullptr && g == 920) current_[k] = word->value;
       }
-      remember();
+      store_shift();
       g92_told_ = true;
       parameter(5210) = 1;
       note_own_offset();
-      break;
+      put("SET_G92_OFFSET({})", list(g92_));
+      return {};
     }
+  }
+}
+
+void Engine::store_shift() {
+  for (std::size_t k = 0; k < 6; ++k) parameter(5211 + static_cast<int>(k)) = k < 3 ? inches(g92_[k]) : g92_[k];
+}
+
+/// G92.1 to G92.3: a modal group of their own, after G4, G10, G28, G52 and the like, before the motion.
+Status Engine::shift() {
+  const int g = one_of('G', 921, 922, 923);
+  if (g < 0) return {};
+  const int column = g_word(g)->column;
+  rewritten_ = true;
+  switch (g) {
     case 921:
       keep_place([&] { g92_ = {}; });
-      remember();
+      store_shift();
       g92_told_ = true;
       parameter(5210) = 0;
       plain("G92.1");  // what a run before has left at the controller ends here, too

@@ -262,6 +262,9 @@ class Engine final : private Parameters {
   Status settings();
   Status length_offset(int g);
   Status origin();
+  Status shift();
+  /// What G92.3 takes up again.
+  void store_shift();
   Status set_system(int p, bool from_here);
   Status set_tool(int l);
   Status go_home(int g);

@@ -406,7 +406,7 @@ class Interpreter {
     // As in LinuxCNC, a G80 beside one other motion word does nothing: `G0 G17 G40 G49 G80 G90` begins half of all
     // posts.
     const bool idle = group == Group::motion && slot.word != nullptr && (g == 800) != (slot.tenfold == 800);
-    if (slot.word != nullptr && group != Group::cancel && !idle) {
+    if (slot.word != nullptr && !idle) {
       return error(word, "GC109", excluding(text_of(*slot.word), text_of(word)), "use two blocks");
     }
     if (!idle || g != 800) slot = {g, &word};

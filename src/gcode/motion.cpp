@@ -45,6 +45,7 @@ Axes Engine::target() const {
 
 Status Engine::motion() {
   POLYPOD_TRY(origin());
+  POLYPOD_TRY(shift());
   const bool taken = one_of('G', 100, 280, 300, 431, 520, 920) >= 0;  // whose axis words are no motion
   int named = one_of('G', 0, 10, 20, 30, 50, 51, 52, 53, 382, 383, 384, 385, 730, 740, 810, 820, 830, 840, 850, 860,
                      870, 880, 890);

@@ -30,6 +30,7 @@ bool is_motion(int g) {
 }
 int group_of(int g) {
   if (is_motion(g)) return 1;
+  if (g >= 921 && g <= 923) return 21;  // LinuxCNC 2.9 takes them beside those of group 0
   if (is_zero_group(g)) return 20;
   switch (g) {
     case 170:
