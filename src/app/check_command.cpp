@@ -220,6 +220,7 @@ std::string correction_note(const gcode::Program& program, const machining::Job&
     return fmt::format("line {}: {}; its moves are judged as they are written, not the correction", header->line,
                        made.message);
   }
+  if (!made.not_judged.empty()) return fmt::format("line {}: {}", header->line, made.not_judged);
   if (!made.unreached) return {};
   return fmt::format(
       "line {}: the program was {} for a machine that comes to its first cut{}; this one does not: its "

@@ -22,6 +22,7 @@
 #include "polypod/core/text.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/any_machine.hpp"
+#include "polypod/kinematics/conventions.hpp"
 #include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/free_joints.hpp"
 #include "polypod/kinematics/hold.hpp"
@@ -273,6 +274,7 @@ Command info_command() {
                           {"degrees_of_freedom", kinematics::degrees_of_freedom(m)},
                           {"joints", joint_ranges_json(m)},
                           {"parameters", parameters},
+                          {"conventions", kinematics::conventions(m)},
                           {"compliances", compliances_json(m)},
                           {"provenance", machine::provenance_of(m)}};
             POLYPOD_ASSIGN(masses, masses_json(m, o->machine));
@@ -311,6 +313,7 @@ Command info_command() {
               fmt::print("  {:>2}  {:>10} .. {:<10} {}{}\n", j["joint"].get<int>(), shown(low), shown(high), unit,
                          speed);
             }
+            for (const Json& said : document["conventions"]) fmt::print("  {}\n", said.get<std::string>());
             fmt::print("\nparameters\n");
             std::size_t longest = 26;
             for (const auto& entry : parameters.items()) longest = std::max(longest, entry.key().size());
