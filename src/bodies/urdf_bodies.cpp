@@ -140,7 +140,9 @@ Result<std::vector<UrdfBody>> bodies_from_urdf(std::string_view text, const std:
   // The row after which a link moves is that of its last joint.
   std::vector<int> row_of{0};
   for (std::size_t row = 0; row < arm.dh.size(); ++row)
-    if (!arm.dh[row].locked) row_of.push_back(static_cast<int>(row) + 1);
+    if (!arm.dh[row].locked || arm.dh[row].coupled_back > 0) row_of.push_back(static_cast<int>(row) + 1);
+  for (machine::DhRow& row : arm.dh)
+    if (row.coupled_back > 0) row.locked = 0;  // a joint that follows another stands at 0 as all do
   const std::vector<Pose> frames = machine::frames_of_table(arm, machine::JointVector::Zero(arm.free_joints()));
   std::vector<UrdfBody> out;
   for (const urdf::ChainReader::Stand& stand : links) {

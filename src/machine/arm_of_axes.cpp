@@ -138,6 +138,13 @@ Result<SerialArm> arm_of_axes(std::span<const JointAxis> axes, const Pose& X_MT,
     DhRow& row = arm.dh[row_of[i]];
     row.kind = axes[i].kind;
     row.sign = sense(i);
+    if (axes[i].follows) {
+      row.locked = axes[i].offset;
+      row.range = {axes[i].offset, axes[i].offset};
+      row.coupled_back = static_cast<int>(row_of[i] - row_of[*axes[i].follows]);
+      row.coupling = row.sign * axes[i].multiplier;
+      continue;
+    }
     row.range = axes[i].range;
     row.speed = axes[i].speed;
   }

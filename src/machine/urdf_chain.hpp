@@ -411,7 +411,7 @@ class ChainReader {
     arm->X_MB = X_MB_ * arm->X_MB;
     return arm;
   }
-  /// A link with its frame in M at joint 0 and how many joints of the chain move it.
+  /// A link with its frame in M at joint 0 (those that follow others, too) and how many joints of the chain move it.
   struct Stand {
     int link = 0;
     Pose X;
@@ -490,16 +490,6 @@ class ChainReader {
       return fail("MA187", fmt::format("joint {}: there is no type \"{}\"", name, shown(joint.type)),
                   tree_.place_of(*joint.element),
                   did_you_mean(joint.type, kTypes) + "revolute, continuous, prismatic and fixed are read");
-    }
-    const auto mimic = joint.parts.find("mimic");
-    if (mimic != joint.parts.end() && joint.type != "fixed") {
-      const xml::Attribute* leader = mimic->second->attribute("joint");
-      return fail(
-          "MA188",
-          fmt::format(
-              "joint {} follows joint {} (mimic): coupled joints are not read, each joint of an arm has a drive", name,
-              leader != nullptr ? shown(leader->value) : "?"),
-          tree_.place_of(*mimic->second), "end the chain before it, or make it fixed");
     }
     return {};
   }
@@ -589,8 +579,77 @@ class ChainReader {
       axis.range = {read.lower, read.upper};
     }
     if (read.velocity > 0 && std::isfinite(read.velocity)) axis.speed = read.velocity;
+    POLYPOD_TRY(follow(joint, axis));
     axes_.push_back(axis);
-    names_.push_back(fmt::format("{} {}", axes_.size(), shown(joint.name)));
+    axis_names_.push_back(joint.name);
+    if (axis.follows) {
+      names_.push_back(fmt::format("{} follows {}", shown(joint.name), shown(axis_names_[*axis.follows])));
+    } else {
+      names_.push_back(fmt::format("{} {}", ++drives_, shown(joint.name)));
+    }
+    return {};
+  }
+
+  /// What `mimic` says: the joint has no drive of its own, and its limits and its speed are limits of the one that it
+  /// follows.
+  Status follow(const Edge& joint, JointAxis& axis) {
+    const auto part = joint.parts.find("mimic");
+    if (part == joint.parts.end()) return {};
+    const xml::Element& mimic = *part->second;
+    const Place place = tree_.place_of(mimic);
+    const std::string name = shown(joint.name);
+    const xml::Attribute* leader = mimic.attribute("joint");
+    if (leader == nullptr || leader->value.empty())
+      return fail("MA188", fmt::format("joint {}: <mimic> names no joint", name), place,
+                  "as in <mimic joint=\"joint_2\" multiplier=\"-1\"/>");
+    const auto found = std::find(axis_names_.begin(), axis_names_.end(), leader->value);
+    if (found == axis_names_.end()) {
+      return fail("MA188",
+                  fmt::format("joint {} follows joint {} (mimic), which is not before it on the chain", name,
+                              shown(leader->value)),
+                  place, "end the chain before it, or make it fixed");
+    }
+    auto index = static_cast<std::size_t>(found - axis_names_.begin());
+    double multiplier = 1, offset = 0;
+    for (const auto& [key, value] : {std::pair{"multiplier", &multiplier}, std::pair{"offset", &offset}}) {
+      const xml::Attribute* given = mimic.attribute(key);
+      if (given == nullptr) continue;
+      const std::optional<Angle> number = angle_of(given->value);
+      if (!number || !(std::abs(number->written) <= kLargest))
+        return fail("MA188", fmt::format("joint {}: {}=\"{}\" of <mimic> is no number", name, key, shown(given->value)),
+                    place, fmt::format("a number up to {:g}", kLargest));
+      *value = number->written;
+    }
+    if (axes_[index].follows) {  // which follows another one itself
+      offset += multiplier * axes_[index].offset;
+      multiplier *= axes_[index].multiplier;
+      index = *axes_[index].follows;
+    }
+    JointAxis& leads = axes_[index];
+    if (axis.kind != JointKind::revolute || leads.kind != JointKind::revolute) {
+      return fail("MA188",
+                  fmt::format("joint {} follows joint {} (mimic), and one of them slides: joints that turn are coupled",
+                              name, shown(axis_names_[index])),
+                  place, "end the chain before it, or make it fixed");
+    }
+    if (multiplier != 0) {
+      const double low = (axis.range.min - offset) / multiplier, high = (axis.range.max - offset) / multiplier;
+      leads.range.min = std::max(leads.range.min, std::min(low, high));
+      leads.range.max = std::min(leads.range.max, std::max(low, high));
+      const double fastest = axis.speed / std::abs(multiplier);
+      if (fastest > 0) leads.speed = leads.speed > 0 ? std::min(leads.speed, fastest) : fastest;
+    } else if (offset < axis.range.min || offset > axis.range.max) {
+      leads.range.max = leads.range.min;
+    }
+    if (!(leads.range.min < leads.range.max)) {
+      return fail("MA188",
+                  fmt::format("joint {} follows joint {} (mimic), and no angle of that keeps the limits of both", name,
+                              shown(axis_names_[index])),
+                  place, "correct multiplier, offset or limits; they are in rad");
+    }
+    axis.follows = index;
+    axis.multiplier = multiplier;
+    axis.offset = offset;
     return {};
   }
 
@@ -599,7 +658,8 @@ class ChainReader {
   Pose X_MB_;  // the link that carries the first moving joint
   std::vector<Stand> stands_;
   std::vector<JointAxis> axes_;
-  std::vector<std::string> names_, rounded_;
+  std::vector<std::string> names_, axis_names_, rounded_;
+  int drives_ = 0;
   std::string flange_;
 };
 

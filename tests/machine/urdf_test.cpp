@@ -156,6 +156,82 @@ TEST(Urdf, AnArmIsTheProductOfItsTransforms) {
   fmt::print("{} chains: {:.2g}\n", chains, worst);
 }
 
+// q of a joint with <mimic> is multiplier times the joint that it names and offset, along chains of followers, too.
+TEST(Urdf, JointsThatFollowOthersAreCoupledRows) {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> length(-1, 1), angle(-kPi, kPi);
+  for (int trial = 0; trial < 300; ++trial) {
+    std::vector<MadeJoint> joints;
+    const int count = 3 + trial % 4;
+    std::vector<int> leader(static_cast<std::size_t>(count), -1);
+    std::vector<double> multiplier(leader.size(), 1), offset(leader.size(), 0);
+    for (int i = 0; i < count; ++i) {
+      const bool square = random() % 3 == 0;
+      joints.push_back({"continuous", Eigen::Vector3d(length(random), length(random), length(random)),
+                        square ? Eigen::Vector3d::Zero() : Eigen::Vector3d(angle(random), angle(random), angle(random)),
+                        square ? Eigen::Vector3d(0, 0, random() % 2 == 0 ? 1 : -1)
+                               : Eigen::Vector3d(length(random), length(random), length(random) + 0.1)});
+      if (i == 0 || random() % 2 == 0) continue;
+      const auto at = static_cast<std::size_t>(i);
+      leader[at] = static_cast<int>(random() % at);
+      multiplier[at] = 0.4 * length(random);
+      offset[at] = length(random);
+    }
+    std::string text = urdf_of(joints);
+    for (std::size_t i = 0; i < leader.size(); ++i) {
+      if (leader[i] < 0) continue;
+      const std::size_t end = text.find("</joint>", text.find(fmt::format("<joint name=\"j{}\"", i + 1)));
+      text.insert(end, fmt::format("<mimic joint=\"j{}\" multiplier=\"{:.17g}\" offset=\"{:.17g}\"/>", leader[i] + 1,
+                                   multiplier[i], offset[i]));
+    }
+    const SerialArm read = arm_of(text);
+    ASSERT_EQ(read.free_joints(), std::count(leader.begin(), leader.end(), -1));
+    const auto again = machine::from_text(machine::to_toml(machine::AnyMachine(read)), "again.toml");
+    ASSERT_TRUE(again) << to_string(again.error());
+    const std::array both{read, std::get<SerialArm>(*again)};
+    for (const SerialArm& arm : both) {
+      JointVector q(arm.free_joints());
+      for (double& value : q) value = angle(random);
+      std::vector<double> all;
+      Eigen::Isometry3d X = Eigen::Isometry3d::Identity();
+      for (std::size_t i = 0, next = 0; i < joints.size(); ++i) {
+        all.push_back(leader[i] < 0 ? q[static_cast<Eigen::Index>(next++)]
+                                    : multiplier[i] * all[static_cast<std::size_t>(leader[i])] + offset[i]);
+        X = X * transform_of(joints[i], all.back());
+      }
+      X = X * Eigen::AngleAxisd(kPi, Eigen::Vector3d::UnitX());
+      // Written and read again a figure is rounded to 1e-13 mm or deg; nearly parallel axes have tables of many metres.
+      const double exact = &arm == &both.front() ? kExact : 1e-10;
+      EXPECT_LT(difference(forward(arm, q), Pose{X.linear(), X.translation()}), exact) << trial;
+      // Both Jacobians, of the chain and of its closure, against differences.
+      const auto J = machine::forward_jacobian(arm, q).J;
+      for (Eigen::Index k = 0; k < q.size(); ++k) {
+        constexpr double kStep = 1e-6;
+        JointVector more = q, less = q;
+        more[k] += kStep;
+        less[k] -= kStep;
+        const Vec3 slope = (forward(arm, more).p - forward(arm, less).p) / (2 * kStep);
+        EXPECT_LT((J.col(k).head<3>() - slope).norm(), 1e-7) << trial;
+      }
+    }
+  }
+}
+
+TEST(Urdf, LimitsAndSpeedsOfAFollowerHoldForItsLeader) {
+  std::vector<MadeJoint> joints(3, {"revolute", {0.3, 0, 0.1}, Eigen::Vector3d::Zero(), {0, 1, 0}});
+  std::string text = urdf_of(joints);
+  const std::size_t end = text.find("</joint>", text.find("<joint name=\"j3\""));
+  text.insert(end, "<mimic joint=\"j2\" multiplier=\"-2\" offset=\"1\"/>");
+  const SerialArm arm = arm_of(text);
+  ASSERT_EQ(arm.free_joints(), 2);
+  // -3 <= 1 - 2 q <= 3, |2 q'| <= 2
+  EXPECT_NEAR(joint_range(arm, 1).min, -1, 1e-12);
+  EXPECT_NEAR(joint_range(arm, 1).max, 2, 1e-12);
+  EXPECT_NEAR(joint_speed_limit(arm, 1), 1, 1e-12);
+  EXPECT_NEAR(joint_range(arm, 0).max, 3, 1e-12);
+  EXPECT_EQ(arm.provenance.at("joints"), "1 j1, 2 j2, j3 follows j2");
+}
+
 TEST(Urdf, NearlyParallelAxesLoseNoDigits) {
   constexpr unsigned kSeed = 2;
   std::mt19937 random(kSeed);
@@ -414,7 +490,11 @@ TEST(Urdf, WhatIsRefusedIsNamedWithItsPlace) {
       {type("floating"), "MA187", 5, "floating"},
       {type("planar"), "MA187", 5, "planar"},
       {type("revolut"), "MA187", 5, "revolut"},
-      {with(axis, axis + "<mimic joint=\"j1\" multiplier=\"2\"/>"), "MA188", 5, "joint j2 follows joint j1"},
+      {with(axis, axis + "<mimic joint=\"j9\" multiplier=\"2\"/>"), "MA188", 5,
+       "joint j2 follows joint j9 (mimic), which"},
+      {with(axis, axis + "<mimic multiplier=\"2\"/>"), "MA188", 5, "names no joint"},
+      {with(axis, axis + "<mimic joint=\"j1\" multiplier=\"2 deg\"/>"), "MA188", 5, "is no number"},
+      {with(axis, axis + "<mimic joint=\"j1\" offset=\"90\"/>"), "MA188", 5, "no angle"},
       {type("revolute"), "MA189", 5, "limit"},
       {along("0 nan 0"), "MA189", 5, "j2"},
       {along("0 1"), "MA189", 5, "j2"},

@@ -2,6 +2,8 @@
 // A serial arm from where its axes lie, as other formats than a Denavit-Hartenberg table give them.
 #pragma once
 
+#include <cstddef>
+#include <optional>
 #include <span>
 
 #include "polypod/core/error.hpp"
@@ -16,6 +18,10 @@ struct JointAxis {
   JointKind kind = JointKind::revolute;
   JointRange range{};  ///< rad or m
   double speed = 0;    ///< the fastest, rad/s or m/s; 0: not said
+  /// No drive of its own: it turns by `multiplier` times the joint of that earlier axis, which turns too, and `offset`.
+  std::optional<std::size_t> follows;
+  double multiplier = 1;
+  double offset = 0;  ///< rad
 };
 
 /// The arm X_MT(q) = exp(xi_1 q_1) ... exp(xi_n q_n) X_MT(0), xi_i the twist of axis i, as a standard table with base
@@ -24,7 +30,8 @@ struct JointAxis {
 /// in the sense in which it is nearer to z of X_MF; X_FT takes the rest. So where the last axis is the z axis of X_MF,
 /// F is X_MF.
 ///
-/// @param axes   in the order of the chain, 1 to kMaxJoints
+/// @param axes   in the order of the chain, 1 to kMaxJoints; one that follows another becomes a locked row with a
+/// coupling
 /// @param X_MT   the tool tip where all joints are 0, in M
 /// @param X_MF   what the last frame is to be, as far as it lies on its axis, see above: the flange
 /// @return the arm with its task left as it is by default; a frame of the base that lies on the first axis, next to the

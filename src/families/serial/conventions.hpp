@@ -23,13 +23,16 @@ inline std::vector<std::string> conventions_of(const SerialArm& arm) {
     of_row.push_back(row.locked ? fmt::format("the locked joint of row {}", i + 1) : fmt::format("joint {}", ++joint));
     const bool turns = row.kind == JointKind::revolute;
     if (row.sign < 0) out.push_back(fmt::format("{} counts against z of row {} (sign -1)", of_row[i], i + 1));
-    if (row.coupled_back > 0)
-      out.push_back(fmt::format("row {} turns with {}, too: by {:g} deg for each of its degrees (coupling)", i + 1,
-                                of_row[i - static_cast<std::size_t>(row.coupled_back)], row.coupling));
-    if (row.locked)
-      out.push_back(fmt::format("row {} is locked at {:.6g} {}", i + 1,
-                                (turns ? units::to_deg(*row.locked) : units::to_mm(*row.locked)) + 0.0,
-                                turns ? "deg" : "mm"));
+    const auto user = [&](double value) { return (turns ? units::to_deg(value) : units::to_mm(value)) + 0.0; };
+    if (row.coupled_back > 0) {
+      const std::string& leader = of_row[i - static_cast<std::size_t>(row.coupled_back)];
+      const std::string by = fmt::format("by {:g} deg for each of its degrees (coupling)", row.coupling);
+      out.push_back(row.locked ? fmt::format("row {} has no drive: it turns with {}, {}, from {:.6g} deg on", i + 1,
+                                             leader, by, user(*row.locked))
+                               : fmt::format("row {} turns with {}, too: {}", i + 1, leader, by));
+    } else if (row.locked) {
+      out.push_back(fmt::format("row {} is locked at {:.6g} {}", i + 1, user(*row.locked), turns ? "deg" : "mm"));
+    }
   }
   return out;
 }
