@@ -117,7 +117,7 @@ Command section_command() {
             double most = -1;
             Vec3 at = Vec3::Zero();
             std::map<std::string, int> stopped;
-            int reached = 0;
+            int reached = 0, not_stopped = 0;
             const workspace::Field& f = s.field;
             for (std::size_t i = 0; i < f.grid.size(); ++i) {
               if (f.tilt.empty()) {
@@ -130,7 +130,7 @@ Command section_command() {
               }
               if (f.tilt[i] < 0) continue;
               ++reached;
-              if (f.tilt_limit[i] >= 0) ++stopped[workspace::limit_kind(m, f.tilt_limit[i])];
+              f.tilt_limit[i] >= 0 ? ++stopped[workspace::limit_kind(m, f.tilt_limit[i])] : ++not_stopped;
               if (f.tilt[i] > most) {
                 most = f.tilt[i];
                 at = f.grid.at(i);
@@ -162,6 +162,7 @@ Command section_command() {
                   reached > 0 ? Json(tilts ? units::to_deg(most) : units::to_mm(most)) : Json();
               document[(tilts ? "largest_tilt_at" : "largest_margin_at") + unit] = reached > 0 ? shown(at) : Json();
               document["stopped_by"] = list;
+              if (tilts) document["not_stopped_percent"] = share(not_stopped);
               document["beyond_singular"] = beyond_json(beyond);
               Json loops = Json::array();
               for (const workspace::Loop& loop : s.border) {
@@ -183,6 +184,9 @@ Command section_command() {
               } else if (reached > 0) {
                 fmt::print("tilt     up to {:.1f} deg at every azimuth, at {}\n", units::to_deg(most), place_text(at));
               }
+              if (not_stopped > 0)
+                fmt::print("stopped  {:4.1f} %  by nothing: no tilt above {:.1f} deg is looked at\n",
+                           share(not_stopped), units::to_deg(most));
               for (const auto& [name, count] : limits) fmt::print("stopped  {:4.1f} %  {}\n", share(count), name);
               fmt::print("{}", beyond_text(m, beyond, "points of the section that were looked at",
                                            "Area and best place include"));
