@@ -11,6 +11,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <numbers>
 
 #include "commands.hpp"
 #include "machine_file.hpp"
@@ -392,6 +393,45 @@ void print_open(const std::vector<std::vector<int>>& open) {
   }
 }
 
+/// The values, in turns of 360 deg from that of the solution, that a joint of an arm may have besides, within its
+/// limits.
+struct OtherTurns {
+  int joint = 0;
+  std::vector<double> degrees;
+};
+std::vector<OtherTurns> other_turns(const machine::AnyMachine& m, const machine::JointVector& q) {
+  std::vector<OtherTurns> out;
+  if (!kinematics::is_serial(m)) return out;
+  constexpr double kTurn = 2 * std::numbers::pi, kSame = 1e-9;  // m, rad
+  const kinematics::ForwardResult here = kinematics::forward(m, q);
+  for (int i = 0; i < kinematics::joint_count(m); ++i) {
+    if (kinematics::joint_kind(m, i) != machine::JointKind::revolute) continue;
+    const machine::JointRange range = kinematics::joint_range(m, i);
+    constexpr double kMostTurns = 20;
+    if (!(range.max - range.min <= kMostTurns * kTurn)) continue;  // as good as without limits
+    OtherTurns of{i + 1, {}};
+    for (double turns = std::ceil((range.min - q[i]) / kTurn); q[i] + turns * kTurn <= range.max; ++turns) {
+      machine::JointVector there = q;
+      there[i] += turns * kTurn;
+      const kinematics::ForwardResult pose = kinematics::forward(m, there);
+      if (turns == 0 || here.poses.empty() || pose.poses.empty()) continue;
+      const Pose &a = here.poses.front(), &b = pose.poses.front();
+      if ((a.p - b.p).norm() < kSame && (a.R - b.R).norm() < kSame) of.degrees.push_back(units::to_deg(there[i]));
+    }
+    if (!of.degrees.empty()) out.push_back(std::move(of));
+  }
+  return out;
+}
+std::string in_words(const std::vector<OtherTurns>& turns) {
+  std::string out;
+  for (const OtherTurns& of : turns) {
+    out += fmt::format("{}joint {} at", out.empty() ? "  or " : ", ", of.joint);
+    for (std::size_t k = 0; k < of.degrees.size(); ++k)
+      out += fmt::format("{}{:.4f}", k == 0 ? " " : " or ", of.degrees[k]);
+  }
+  return out.empty() ? out : out + " deg\n";
+}
+
 constexpr const char* kSearched = "found by a search: there may be other solutions";
 
 }  // namespace
@@ -428,6 +468,8 @@ Command ik_command() {
               if (singular_at(m, X, s)) entry["singular"] = true;
               open.push_back(kinematics::free_joints(m, X, s.joints));
               if (!open.back().empty()) entry["free_joints"] = numbered(open.back());
+              for (const OtherTurns& of : other_turns(m, s.joints))
+                if (s.violations == 0) entry["other_turns"].push_back({{"joint", of.joint}, {"deg", of.degrees}});
               solutions.push_back(entry);
             }
             const bool more = moves_more_than_its_task(m);
@@ -456,6 +498,7 @@ Command ik_command() {
                 fmt::print("{:<32} {}{}\n  {}\n", kinematics::branch_name(m, s.branch),
                            in_words(kinematics::limit_names(m, s.violations)),
                            singular_at(m, X, s) ? " (singular)" : "", joints_in_words(m, s.joints));
+                if (s.violations == 0) fmt::print("{}", in_words(other_turns(m, s.joints)));
               }
               if (more) {
                 print_whole_pose(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints)));
