@@ -647,7 +647,9 @@ Command jacobian_command() {
         const std::string condition = d.condition < kFewDigits      ? fmt::format("{:.4f}", d.condition)
                                       : d.condition < kBeyondDouble ? fmt::format("{:.1g}", d.condition)
                                                                     : "infinite";
-        const char* determinant_name = serial && J.cols() > square.rows() ? "sqrt(det(J J^T))" : "determinant";
+        const char* determinant_name = serial && J.cols() > square.rows() ? "sqrt(det(J J^T))"
+                                       : serial                           ? "determinant"
+                                                                          : "|det|";
         fmt::print("condition {}, smallest singular value {:.6f}{} of the {}{}\n{} {:.6g}{}{}\n", condition,
                    d.sigma_min, serial ? " m/rad" : "",
                    serial ? "tool's speed by the joints' speeds" : "joints' speeds by the tool's speed", length,

@@ -24,6 +24,9 @@ struct Sides {
   Eigen::MatrixXd A, B;
   double length = 1;
   std::optional<double> constraints;  ///< see Singularity
+  /// Where constraints without drives hold the tool exactly: the motions [v; L w] that they allow, as columns square to
+  /// each other, each of length 1.
+  Eigen::MatrixXd allowed;
   /// Where a chain behind closed loops turns the tool about its own axis, which the task leaves free: the speed that
   /// the task sees by the joints'. The equations do not show what that turn takes away.
   Eigen::MatrixXd seen;
@@ -85,7 +88,9 @@ Sides sides_of(const AnyMachine& machine, const Pose& X_MT, const JointVector& q
           if (held < 1 || C.rows() < held) return;
           C.rightCols(3) /= L;
           kinematics::divide_rows(C);
-          out.constraints = Eigen::JacobiSVD<Eigen::MatrixXd>(C).singularValues()[held - 1];
+          const Eigen::JacobiSVD<Eigen::MatrixXd> of_C(C, Eigen::ComputeFullV);
+          out.constraints = of_C.singularValues()[held - 1];
+          if (*out.constraints > kRankLost) out.allowed = of_C.matrixV().rightCols(6 - held);
         }
       },
       machine);
@@ -179,6 +184,13 @@ Singularity singularity(const AnyMachine& machine, const Pose& X_MT, const Joint
   const Eigen::JacobiSVD<Eigen::MatrixXd> A(sides.A, Eigen::ComputeFullV);
   out.control = A.singularValues().tail<1>()[0];
   out.free_motion = twist_of(sides, A.matrixV().rightCols<1>());
+  if (sides.allowed.size() > 0) {  // exact constraints are not weighed against the legs
+    const Eigen::JacobiSVD<Eigen::MatrixXd> of_legs(sides.A * sides.allowed, Eigen::ComputeFullV);
+    const double least = of_legs.singularValues().tail<1>()[0];
+    if (least <= *sides.constraints)
+      out.free_motion = twist_of(sides, sides.allowed * of_legs.matrixV().rightCols<1>());
+    out.control = std::min(least, *sides.constraints);
+  }
 
   const Eigen::JacobiSVD<Eigen::MatrixXd> B(sides.B, Eigen::ComputeFullU | Eigen::ComputeFullV);
   // Fewer drives than equations of a serial task: the tool has lost motions everywhere.

@@ -170,5 +170,30 @@ constraint = [
   EXPECT_NE(quality::in_words(Pose{}, s).find("constraints"), std::string::npos);
 }
 
+// Constraints hold exactly: the least constrained motion is one that they allow, with the rods alone against it. Two
+// rods along (0.8, 0.6) and (-0.8, 0.6) hold z least, by sqrt(2) 0.6; the platform cannot turn, whatever turning would
+// cost.
+TEST(SingularLegs, ExactConstraintsAreNotWeighedAgainstTheLegs) {
+  const auto m = machine::from_text(R"(family = "parallel"
+task = ["x", "z"]
+home = { z_mm = 400 }
+leg = [
+  { drive = "rail", base_mm = [0, 0, 0], rail = [1, 0, 0], rod_mm = 500, platform_mm = [-50, 0, 0], min_mm = -800, max_mm = -60 },
+  { drive = "rail", base_mm = [0, 0, 0], rail = [1, 0, 0], rod_mm = 500, platform_mm = [50, 0, 0], min_mm = 60, max_mm = 800 },
+]
+constraint = [ { kind = "orientation" }, { kind = "plane", platform_mm = [0, 0, 0], base_mm = [0, 0, 0], normal = [0, 1, 0] } ]
+)",
+                                    "sliders.toml");
+  ASSERT_TRUE(m.has_value()) << to_string(m.error());
+  const Pose X{Mat3::Identity(), {0.1, 0, 0.3}};
+  const auto inverse = kinematics::inverse(*m, X);
+  ASSERT_NE(inverse.reachable(), nullptr);
+  for (const double length : {0.0, 0.05, 3.0}) {
+    const quality::Singularity s = quality::singularity(*m, X, inverse.reachable()->joints, length);
+    EXPECT_NEAR(s.control, std::sqrt(2.0) * 0.6, 1e-9) << length;
+    EXPECT_NEAR(std::abs(s.free_motion[2]), s.free_motion.norm(), 1e-9) << length;
+  }
+}
+
 }  // namespace
 }  // namespace polypod
