@@ -165,6 +165,8 @@ class Pass {
 
   /// A move of which no point was asked for its compliance, a rapid or through air: the joints follow it.
   void follow(const gcode::Move& move) {
+    // A safe height before X and Y are given is no place.
+    if (!std::all_of(move.known_end.begin(), move.known_end.end(), [](bool known) { return known; })) return;
     constexpr double kStep = 5e-3, kTurnStep = 0.0175;  // m, rad
     const double length = move.start_known ? move.length() : 0;
     const double turn = move.start_known ? (move.axes_end - move.axes_start).cwiseAbs().maxCoeff() : 0;
