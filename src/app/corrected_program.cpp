@@ -30,6 +30,8 @@ const char* hint_for(machining::MadeFor::Other other) {
       return "correct the program of the CAM system again, and post what `polypod correct` writes";
     case Other::place:
       return "post it at that place, or correct the program of the CAM system for this one";
+    case Other::cutter:
+      return "give the job of the correction, or correct the program of the CAM system with this cutter";
     case Other::compliance:
       return "give the job and the machine file of the correction, or correct the program of the CAM system with these";
     case Other::none:
@@ -160,12 +162,15 @@ Result<post::Plan> CorrectedProgram::plan_held(const post::Configuration& config
   POLYPOD_ASSIGN(other, post::plan(configuration, path_, free));
   if (!other.ok()) return plan;  // it is not the posture
   const post::PlanProblem& first = plan->problems.front();
+  const std::string elsewhere =
+      other.branch == header_->posture
+          ? "a way that begins in it and takes all comes to another posture there"
+          : fmt::format("the posture {} takes all, but the tool deflects otherwise there", other.branch);
   return tl::unexpected(not_as_corrected(
       fmt::format("the program was {} for the posture {}, in which the machine cannot take every move: line {}: {}: "
-                  "{}{}; the posture {} takes all, but the tool deflects otherwise there",
+                  "{}{}; {}",
                   header_->was(), header_->posture, first.line, first.kind, first.detail,
-                  plan->problems.size() > 1 ? fmt::format(" (and {} more)", plan->problems.size() - 1) : "",
-                  other.branch),
+                  plan->problems.size() > 1 ? fmt::format(" (and {} more)", plan->problems.size() - 1) : "", elsewhere),
       kCorrectForPosture));
 }
 

@@ -270,7 +270,7 @@ std::string volume_text(const workspace::Volume& v, bool bounded) {
 }
 
 Status refuse_beside_contains(const Context& context) {
-  return refuse(context, {"--rel-tol", "--largest", "--threads", "--report", "--stl", "--vtp", "--vti"},
+  return refuse(context, {"--rel-tol", "--largest", "--report", "--stl", "--vtp", "--vti"},
                 "--contains answers for one box alone; leave one of the two out");
 }
 

@@ -59,8 +59,12 @@ std::optional<CorrectionHeader> correction_header(const std::vector<Remark>& rem
       out->machine = text.substr(at + mark.size() + 1);
     }
     if (!out || out->line == line) continue;
-    if (const std::size_t at = text.find(kOriginText); at != std::string::npos && out->origin.empty())
+    if (const std::size_t at = text.find(kOriginText); at != std::string::npos && out->origin.empty()) {
       out->origin = text.substr(at + kOriginText.size() - 1);
+      constexpr std::string_view kTube = " um, ";
+      const std::size_t tube = text.find(kTube);
+      if (tube < at) out->cutters = text.substr(tube + kTube.size(), at - tube - kTube.size());
+    }
     if (holds(text, kDeflectText) && out->compliance.empty()) out->compliance = text;
     if (holds(text, kJointsText) && out->joints.empty()) out->joints = text;
     read_hold(text, *out);

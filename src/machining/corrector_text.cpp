@@ -145,13 +145,7 @@ std::vector<std::string> Corrector::header_lines() const {
   for (const MovePrediction& m : out_.before.moves) tools.insert(moves_[static_cast<std::size_t>(m.move)].tool);
   std::string cutters;
   for (const int tool : tools) {
-    const cutting::Cutter& c = job_.cutter_of(tool);
-    const char* kind = cutting::is_ball(c) ? "ball" : c.corner_radius > 0 ? "bull nose" : "cutter";
-    const std::string corner = c.corner_radius > 0 && !cutting::is_ball(c)
-                                   ? fmt::format(", corner radius {:g} mm,", units::to_mm(c.corner_radius))
-                                   : "";
-    const std::string cutter =
-        fmt::format("{} {:g} mm{} with {} teeth, ", kind, units::to_mm(c.diameter), corner, c.teeth);
+    const std::string cutter = cutter_in_words(job_.cutter_of(tool)) + ", ";
     if (cutters.find(cutter) == std::string::npos) cutters += cutter;
   }
   const auto changed = std::count(changed_.begin(), changed_.end(), true);

@@ -10,6 +10,7 @@
 
 #include "polypod/core/config.hpp"
 #include "polypod/core/units.hpp"
+#include "polypod/cutting/ball_stock.hpp"
 #include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/any_machine.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
@@ -272,6 +273,14 @@ cutting::Material scaled_forces(cutting::Material material, double factor) {
 
 double rotation_of(const Pose& X_MW) {
   return std::atan2(X_MW.R(1, 0), X_MW.R(0, 0));
+}
+
+std::string cutter_in_words(const cutting::Cutter& c) {
+  const char* kind = cutting::is_ball(c) ? "ball" : c.corner_radius > 0 ? "bull nose" : "cutter";
+  const std::string corner = c.corner_radius > 0 && !cutting::is_ball(c)
+                                 ? fmt::format(", corner radius {:g} mm,", units::to_mm(c.corner_radius))
+                                 : "";
+  return fmt::format("{} {:g} mm{} with {} teeth", kind, units::to_mm(c.diameter), corner, c.teeth);
 }
 
 std::string place_in_words(const Pose& X_MW) {

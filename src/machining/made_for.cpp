@@ -2,6 +2,10 @@
 #include "polypod/machining/made_for.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <string>
+#include <vector>
 
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/surplus.hpp"
@@ -17,6 +21,21 @@ std::string um_in_words(const Vec3& d) {
 bool speaks_of(const gcode::CorrectionHeader& header, const Job& job) {
   return header.names(machine::name_of(job.machine)) && header.origin == place_in_words(job.X_MW);
 }
+
+namespace {
+/// Of a corrected program and a job with cutters: which of the program's is none of the job's; else empty.
+std::string other_cutter(const gcode::CorrectionHeader& header, const Job& job) {
+  if (!header.corrected || !job.cuts || header.cutters.empty()) return {};
+  std::vector<std::string> own{cutter_in_words(job.cutter)};
+  for (const auto& [tool, cutter] : job.cutters) own.push_back(cutter_in_words(cutter));
+  std::string left = header.cutters;
+  for (const std::string& one : own)
+    if (const std::size_t at = left.find(one + ", "); at != std::string::npos) left.erase(at, one.size() + 2);
+  if (left.size() < 2) return {};
+  return fmt::format("the program was corrected for {}, the job has {}", left.substr(0, left.size() - 2),
+                     fmt::join(own, "; "));
+}
+}  // namespace
 
 MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
   using Other = MadeFor::Other;
@@ -36,6 +55,7 @@ MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
             {},
             false};
   }
+  if (const std::string other = other_cutter(header, given); !other.empty()) return {Other::cutter, other, {}, false};
   const auto mark = ComplianceMark::from(header.compliance);
   if (!mark) return {};  // before headers said it
   if (!statics::has_compliance(given.machine)) {

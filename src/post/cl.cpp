@@ -404,7 +404,8 @@ class Reader {
     double speed = feed.speed;
     if (feed.per_turn > 0) {
       if (now_.spindle == gcode::Spindle::off || !(now_.spindle_speed > 0)) {
-        return error("PO108", "a feed per revolution while the spindle stands", spot, "give SPINDL/... before it");
+        return error("PO108", "a cut with a feed per revolution while the spindle stands", spot,
+                     "give SPINDL/... before it");
       }
       speed = feed.per_turn * now_.spindle_speed;
     }
@@ -428,7 +429,7 @@ class Reader {
     } else {
       out.speed = length / 60;
     }
-    POLYPOD_TRY(speed_of(out, spot));
+    if (!(out.per_turn > 0)) POLYPOD_TRY(speed_of(out, spot));  // that of a turn is judged where it cuts
     return out;
   }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <initializer_list>
 
 #include "polypod/core/files.hpp"
@@ -413,8 +414,11 @@ std::optional<gcode::CorrectionHeader> correction_header(const Path& path) {
 Result<Path> read_path(const std::string& file, const ProgramOptions& options) {
   POLYPOD_ASSIGN(text, files::read(file));
   if (looks_like_cl(text)) return parse_cl(text, file);
-  if (files::is_standard_input(file)) {
-    return fail("PO115", "a G-code program from standard input", {file}, "give the program as a file");
+  std::error_code ec;
+  const bool pipe = std::filesystem::is_fifo(file, ec);
+  if (pipe || files::is_standard_input(file)) {  // it is read more than once
+    return fail("PO115", fmt::format("a G-code program from {}", pipe ? "a pipe" : "standard input"), {file},
+                "give the program as a file");
   }
   return read_program(file, options);
 }

@@ -29,6 +29,7 @@ struct CorrectionHeader {
   bool corrected = true;  ///< false: looked at and left as it was
   std::string machine;
   std::string origin;       ///< "X-50 Y-1335 Z0 mm", ", turned by 30 deg about z"; empty where the header has none
+  std::string cutters;      ///< "cutter 8 mm with 3 teeth, ", one after the other; empty where the header has none
   std::string posture;      ///< the name of the branch; empty where the header has none
   std::optional<double> c;  ///< rad, the rotation about the tool axis; empty where the header has none
   std::string compliance;   ///< its line with what 100 N do to the tool; empty where the header has none

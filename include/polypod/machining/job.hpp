@@ -127,6 +127,8 @@ double rotation_of(const Pose& X_MW);
 /// Where the workpiece is, as headers of programs say it: "X-50 Y-1332.7679 Z0 mm", and ", turned by 30 deg about z"
 /// where it is turned; to 0.1 um and 0.0001 deg.
 std::string place_in_words(const Pose& X_MW);
+/// "bull nose 8 mm, corner radius 1.5 mm, with 2 teeth", as headers of corrected programs have it.
+std::string cutter_in_words(const cutting::Cutter& cutter);
 
 /// Error: MC309 for a machine whose task does not hold x, y and z.
 Status follows_programs(const machine::AnyMachine& machine);
