@@ -146,7 +146,9 @@ Result<int> at_pose(const Options& o, const machine::AnyMachine& m, const std::v
     const Vec3 p = (linear.head<3>() * units::kMmPerMetre).unaryExpr(clean), w = linear.tail<3>().unaryExpr(clean);
     const Figures mm(position, 6), rad(clean(orientation), 8);
     fmt::print("position     {} mm  ({}, {}, {})\n", mm(position), mm(p.x()), mm(p.y()), mm(p.z()));
-    fmt::print("orientation  {} rad ({}, {}, {})\n", rad(clean(orientation)), rad(w.x()), rad(w.y()), rad(w.z()));
+    const bool of_axis = kinematics::task(m).names_axis() && std::abs(orientation - w.norm()) > 1e-6 * w.norm();
+    fmt::print("orientation  {} rad{} ({}, {}, {})\n", rad(clean(orientation)), of_axis ? " of the tool axis" : "",
+               rad(w.x()), rad(w.y()), rad(w.z()));
     if (exact) {
       const double turned = clean(quality::orientation_error(m, here.X_MT, *exact));
       fmt::print("exactly      {} mm, {:.3g} mm from the linear error\n", mm(units::to_mm(exact->head<3>().norm())),

@@ -296,8 +296,10 @@ Command info_command() {
               return kDone;
             }
             const std::string description = one_line(machine::description_of(m));
-            fmt::print("{} ({}){}{}\n{} degrees of freedom\n", one_line(machine::name_of(m)), machine::family_of(m),
-                       description.empty() ? "" : ": ", description, kinematics::degrees_of_freedom(m));
+            const int freedoms = kinematics::degrees_of_freedom(m), drives = kinematics::joint_count(m);
+            fmt::print("{} ({}){}{}\n{} degrees of freedom{}\n", one_line(machine::name_of(m)), machine::family_of(m),
+                       description.empty() ? "" : ": ", description, freedoms,
+                       drives > freedoms ? fmt::format(" in the task, {} joints with drives", drives) : "");
             if (!home.empty()) fmt::print("note: home is not within the limits: {}\n", home);
             if (count) {
               fmt::print("Gruebler: 6 ({} - {} - 1) + {} - {} + {} = {}\n", count->members, count->joints,
