@@ -25,7 +25,7 @@ bool speaks_of(const gcode::CorrectionHeader& header, const Job& job) {
 namespace {
 /// Of a corrected program and a job with cutters: which of the program's is none of the job's; else empty.
 std::string other_cutter(const gcode::CorrectionHeader& header, const Job& job) {
-  if (!header.corrected || !job.cuts || header.cutters.empty()) return {};
+  if (!header.corrected || !job.cuts || !(job.cutter.diameter > 0) || header.cutters.empty()) return {};
   std::vector<std::string> own{cutter_in_words(job.cutter)};
   for (const auto& [tool, cutter] : job.cutters) own.push_back(cutter_in_words(cutter));
   std::string left = header.cutters;
