@@ -257,7 +257,7 @@ Status Engine::enter(Waiting move, double heading, const Point& tool) {
   current_[1] = tool[1];
   entering_ = false;
   stopped_ = false;
-  left_ = false;
+  left_ = drawn_back_ = false;
   return {};
 }
 

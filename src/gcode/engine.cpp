@@ -137,6 +137,7 @@ Status Engine::block(const Block& block) {
   POLYPOD_TRY(settings());
   POLYPOD_TRY(motion());
   POLYPOD_TRY(stop());
+  if (resync_ && drawn_back_) current_ = canon_;  // for what reads the position before the next block acts
   end_plain();
   return {};
 }

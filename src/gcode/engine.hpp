@@ -430,7 +430,8 @@ class Engine final : private Parameters {
   std::array<bool, 6> known_{};
   std::array<bool, 6> known_as_tip_{};  ///< before an M code made the controller take words for joints
   bool in_joints_ = false;
-  bool resync_ = false;  // after a tool change rs274 asks where it is, and forgets a new tool length
+  bool resync_ = false;      // after a tool change rs274 asks where it is, and forgets a new tool length
+  bool drawn_back_ = false;  // by hand (G88): `current_` is above the hole, `canon_` at its bottom
   ToolOffset length_offset_{};
   Tool loaded_;
   std::size_t loaded_pocket_ = 1;

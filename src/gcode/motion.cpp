@@ -153,7 +153,7 @@ Status Engine::motion() {
 
 void Engine::move_to(const Axes& end) {
   current_ = canon_ = end;
-  left_ = false;
+  left_ = drawn_back_ = false;
 }
 
 void Engine::traverse(const Axes& end) {
