@@ -106,6 +106,9 @@ Status Engine::check() {
     if (has('X') != nullptr || has('Y') != nullptr) {
       return error(word.column, "GC119", "X or Y beside polar coordinates", "remove one of them");
     }
+    if (zero_code == 530) {
+      return error(word.column, "GC168", "polar coordinates beside G53", "use X and Y");
+    }
     const Word* plane = groups[2];
     // LinuxCNC asks for the plane before the block.
     if (plane_ != Plane::xy || (plane != nullptr && code_of(*plane) != 170)) {
