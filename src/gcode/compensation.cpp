@@ -111,9 +111,9 @@ Status Engine::judge_compensated(bool begins) const {
           fmt::format("{}{} while cutter radius compensation is on: {}", word.letter, number(word.value, 1), bad.what),
           "write G40 and a line behind the contour before it");
     }
-    const int p = integer('P');
-    const bool system = code == 100 && word.letter == 'G' && !ends && (integer('L') == 2 || integer('L') == 20) &&
-                        (p == 0 || p == active_);
+    const int l = find('L') != nullptr ? whole(*find('L')).value_or(-1) : -1;
+    const int p = find('P') != nullptr ? whole(*find('P')).value_or(-1) : 0;
+    const bool system = code == 100 && word.letter == 'G' && !ends && (l == 2 || l == 20) && (p == 0 || p == active_);
     if (unit || system) {
       return error(word.column, "GC172",
                    fmt::format("{}{} while cutter radius compensation is on: {}", word.letter, number(word.value, 1),

@@ -237,6 +237,7 @@ class Engine final : private Parameters {
     return word != nullptr ? word->value : otherwise;
   }
   [[nodiscard]] int integer(char letter) const;
+  [[nodiscard]] static std::optional<int> whole(const Word& word);
   [[nodiscard]] const Word* g_word(int tenfold) const;
   template <class... T>
   [[nodiscard]] int one_of(char letter, T... codes) const {
@@ -265,7 +266,7 @@ class Engine final : private Parameters {
   Status shift();
   /// What G92.3 takes up again.
   void store_shift();
-  Status set_system(int p, bool from_here);
+  Status set_system(bool from_here);
   Status set_tool(int l);
   Status go_home(int g);
   Status motion();
