@@ -500,6 +500,7 @@ class Engine final : private Parameters {
   double cycle_q_ = 0;
   std::array<double, 3> cycle_offsets_{};  // I, J and K of G87
   double cycle_level_ = 0;                 // where the series of cycles began
+  bool new_series_ = false;                // a spline has ended the one before
 };
 
 /// What a run begins with: tools and parameters read, a program of plain blocks judged, behind the line `until` not (0:
