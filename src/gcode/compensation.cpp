@@ -111,9 +111,9 @@ Status Engine::judge_compensated(bool begins) const {
           fmt::format("{}{} while cutter radius compensation is on: {}", word.letter, number(word.value, 1), bad.what),
           "write G40 and a line behind the contour before it");
     }
-    const int p = integer('P');
-    const bool system = code == 100 && word.letter == 'G' && !ends && (integer('L') == 2 || integer('L') == 20) &&
-                        (p == 0 || p == active_);
+    const int l = find('L') != nullptr ? whole(*find('L')).value_or(-1) : -1;
+    const int p = find('P') != nullptr ? whole(*find('P')).value_or(-1) : 0;
+    const bool system = code == 100 && word.letter == 'G' && !ends && (l == 2 || l == 20) && (p == 0 || p == active_);
     if (unit || system) {
       return error(word.column, "GC172",
                    fmt::format("{}{} while cutter radius compensation is on: {}", word.letter, number(word.value, 1),
@@ -257,7 +257,7 @@ Status Engine::enter(Waiting move, double heading, const Point& tool) {
   current_[1] = tool[1];
   entering_ = false;
   stopped_ = false;
-  left_ = false;
+  left_ = drawn_back_ = false;
   return {};
 }
 
@@ -407,16 +407,18 @@ Status Engine::compensated_arc(const Axes& end, const Point& centre, int turns) 
   } else if (is_inside(turn, !inner)) {
     Point meet{};
     if (last_->kind != Waiting::Kind::arc) {
+      // rs274 takes the corner on the circle through the end of the arc.
+      const Point s = beside(from_centre(centre, programmed_radius, start_angle), heading_);
       const double ux = std::cos(heading_);
       const double uy = std::sin(heading_);
-      const double along = (current_[0] - centre[0]) * ux + (current_[1] - centre[1]) * uy;
-      const double h = (current_[0] - centre[0]) * uy - (current_[1] - centre[1]) * ux;
+      const double along = (s[0] - centre[0]) * ux + (s[1] - centre[1]) * uy;
+      const double h = (s[0] - centre[0]) * uy - (s[1] - centre[1]) * ux;
       if (std::abs(h) > move.radius) {
         return error(1, "GC174", "the tool does not fit between this arc and the line before it",
                      "use a smaller tool, or make the corner wider");
       }
       const double w = std::sqrt((move.radius - h) * (move.radius + h)) * (inner ? 1 : -1);
-      meet = {current_[0] + (w - along) * ux, current_[1] + (w - along) * uy};
+      meet = {s[0] + (w - along) * ux, s[1] + (w - along) * uy};
     } else {
       const Point a = last_->centre;
       const double ra = last_->radius;

@@ -109,8 +109,9 @@ Status Engine::origin() {
   rewritten_ = true;
   switch (g) {
     case 100: {
-      const int l = find('L') != nullptr ? integer('L') : -1;
-      if (l == 2 || l == 20) return set_system(integer('P'), l == 20);
+      const Word* word = find('L');
+      const int l = word != nullptr ? whole(*word).value_or(-1) : -1;
+      if (l == 2 || l == 20) return set_system(l == 20);
       if (l == 1 || l == 10 || l == 11) return set_tool(l);
       return error(column, "GC168", "G10 without L1, L2, L10, L11 or L20", "add L");
     }
@@ -210,10 +211,11 @@ void Engine::note_own_offset() {
 }
 
 /// G10 L2 and G10 L20.
-Status Engine::set_system(int p, bool from_here) {
+Status Engine::set_system(bool from_here) {
   const int column = g_word(100)->column;
   const Word* p_word = find('P');
-  if (p_word == nullptr || p_word->value != std::floor(p_word->value) || p < 0 || p > 9) {
+  int p = p_word != nullptr ? whole(*p_word).value_or(-1) : -1;
+  if (p < 0 || p > 9) {
     return error(column, "GC168", "G10 L2 or L20 without P from 0 to 9", "P1 is G54, P0 the system in force");
   }
   for (const char c : {'I', 'J', 'Q'}) {

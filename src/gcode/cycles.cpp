@@ -235,7 +235,8 @@ Status Engine::cycle(int before) {
         plain("M5");
         put("PROGRAM_STOP()");
         put(turning_ > 0 ? "START_SPINDLE_CLOCKWISE(0)" : "START_SPINDLE_COUNTERCLOCKWISE(0)");
-        move_to(at(clear));  // by hand
+        current_ = at(clear);  // no call draws the tool back
+        drawn_back_ = true;
         break;
       case 890:
         feed(at(bottom), false);

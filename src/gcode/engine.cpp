@@ -92,6 +92,14 @@ int Engine::integer(char letter) const {
   return static_cast<int>(std::clamp(value(letter), -1e9, 1e9));
 }
 
+/// The whole number that a word means: rs274 takes what is as near to one as 1e-4.
+std::optional<int> Engine::whole(const Word& word) {
+  constexpr double kNear = 1e-4, kMost = 1e9;
+  const double nearest = std::round(word.value);
+  if (!(std::abs(word.value - nearest) <= kNear && std::abs(nearest) <= kMost)) return std::nullopt;
+  return static_cast<int>(nearest);
+}
+
 const Word* Engine::g_word(int tenfold) const {
   for (const Word& word : block_->words) {
     if (word.letter == 'G' && std::lround(word.value * 10) == tenfold) return &word;
@@ -137,6 +145,7 @@ Status Engine::block(const Block& block) {
   POLYPOD_TRY(settings());
   POLYPOD_TRY(motion());
   POLYPOD_TRY(stop());
+  if (resync_ && drawn_back_) current_ = canon_;  // for what reads the position before the next block acts
   end_plain();
   return {};
 }

@@ -237,6 +237,7 @@ class Engine final : private Parameters {
     return word != nullptr ? word->value : otherwise;
   }
   [[nodiscard]] int integer(char letter) const;
+  [[nodiscard]] static std::optional<int> whole(const Word& word);
   [[nodiscard]] const Word* g_word(int tenfold) const;
   template <class... T>
   [[nodiscard]] int one_of(char letter, T... codes) const {
@@ -265,7 +266,7 @@ class Engine final : private Parameters {
   Status shift();
   /// What G92.3 takes up again.
   void store_shift();
-  Status set_system(int p, bool from_here);
+  Status set_system(bool from_here);
   Status set_tool(int l);
   Status go_home(int g);
   Status motion();
@@ -430,7 +431,8 @@ class Engine final : private Parameters {
   std::array<bool, 6> known_{};
   std::array<bool, 6> known_as_tip_{};  ///< before an M code made the controller take words for joints
   bool in_joints_ = false;
-  bool resync_ = false;  // after a tool change rs274 asks where it is, and forgets a new tool length
+  bool resync_ = false;      // after a tool change rs274 asks where it is, and forgets a new tool length
+  bool drawn_back_ = false;  // by hand (G88): `current_` is above the hole, `canon_` at its bottom
   ToolOffset length_offset_{};
   Tool loaded_;
   std::size_t loaded_pocket_ = 1;
@@ -498,6 +500,7 @@ class Engine final : private Parameters {
   double cycle_q_ = 0;
   std::array<double, 3> cycle_offsets_{};  // I, J and K of G87
   double cycle_level_ = 0;                 // where the series of cycles began
+  bool new_series_ = false;                // a spline has ended the one before
 };
 
 /// What a run begins with: tools and parameters read, a program of plain blocks judged, behind the line `until` not (0:

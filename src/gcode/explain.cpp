@@ -206,7 +206,7 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
   for (const Word& w : words) {
     if (w.letter == 'M') claimed += arguments_of_m(static_cast<int>(w.value));
   }
-  const bool cubic = has('G', {50}) || motion_ == 50, spline = cubic || has('G', {51}) || motion_ == 51;
+  const bool cubic = has('G', {50}), spline = cubic || has('G', {51});
   const bool taken = claimed.find(word.letter) != std::string::npos;
   const bool in_cycle = is_cycle(motion_) && !taken, arc = (motion_ == 20 || motion_ == 30) && !taken;
   switch (word.letter) {

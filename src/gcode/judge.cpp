@@ -106,6 +106,9 @@ Status Engine::check() {
     if (has('X') != nullptr || has('Y') != nullptr) {
       return error(word.column, "GC119", "X or Y beside polar coordinates", "remove one of them");
     }
+    if (zero_code == 530) {
+      return error(word.column, "GC168", "polar coordinates beside G53", "use X and Y");
+    }
     const Word* plane = groups[2];
     // LinuxCNC asks for the plane before the block.
     if (plane_ != Plane::xy || (plane != nullptr && code_of(*plane) != 170)) {
@@ -126,10 +129,6 @@ Status Engine::check() {
   const bool axes = axis_words();
   const bool centre = motion_ >= 20 && motion_ <= 30 && (has('I') || has('J') || has('K'));
   const bool moves = !takes_axes && !dynamic && (named != nullptr ? motion_code != 800 : axes || centre);
-  if (named == nullptr && axes && !takes_axes && !dynamic && (motion_ == 50 || motion_ == 51)) {
-    return error(block_->words.front().column, "GC110", "axis words behind a spline, which names its motion each time",
-                 motion_ == 50 ? "write G5 again, or G0 or G1" : "write G5.1 again, or G0 or G1");
-  }
   acting = !moves ? -1 : named != nullptr ? motion_code : motion_;
   if (axes && !takes_axes && !dynamic && acting < 0) {
     return error(block_->words.front().column, "GC110", "axis words without a motion mode in force",
@@ -160,7 +159,7 @@ Status Engine::check() {
   };
   use("XYZABCFSTNO");
   if (acting == 20 || acting == 30) use("IJKRP");
-  if (acting == 50) use(motion_code == 50 ? "IJPQ" : "IJ");
+  if (acting == 50) use("IJPQ");
   if (acting == 51) use("IJ");
   if (acting == 52) use(motion_code == 52 ? "PL" : "P");
   if (acting >= 730) use("LR");

@@ -74,7 +74,8 @@ Status Engine::motion() {
 
   if (is_cycle(motion_)) {
     rewritten_ = true;
-    if (!is_cycle(before)) cycle_level_ = current_[axes_of(plane_)[2]];
+    if (!is_cycle(before) || new_series_) cycle_level_ = current_[axes_of(plane_)[2]];
+    new_series_ = false;
     return cycle(before);
   }
   Axes end = axes ? target() : programmed();
@@ -144,7 +145,9 @@ Status Engine::motion() {
     case 50:
     case 51:
       rewritten_ = true;
-      return spline(motion_);
+      motion_ = before;  // a spline leaves the motion mode as it was; cycles behind it are another series
+      new_series_ = true;
+      return spline(named);
     default:
       rewritten_ = true;
       return probe(end);
@@ -153,7 +156,7 @@ Status Engine::motion() {
 
 void Engine::move_to(const Axes& end) {
   current_ = canon_ = end;
-  left_ = false;
+  left_ = drawn_back_ = false;
 }
 
 void Engine::traverse(const Axes& end) {

@@ -144,18 +144,23 @@ Status Engine::set_tool(int l) {
   const Word* p = find('P');
   if (p == nullptr)
     return error(column, "GC168", "G10 with a tool table entry without P", "P is the number of the tool");
+  const auto number_of_tool = whole(*p);
+  if (!number_of_tool)
+    return error(p->column, "GC168", fmt::format("P{} is no number of a tool", p->value), "use an integer from 1");
   if (options_.any_tool) {  // lengths of tools do not count: the programmed point is the tip
     if (axis_words()) {
       return error(column, "GC125",
                    fmt::format("G10 L{} sets the length of a tool, and what is written would leave it out", l),
                    "set it in the tool table before; R alone, the radius, is carried out");
     }
-    if (const Word* r = find('R'); r != nullptr && p->value >= 0 && p->value <= 99999) {
-      options_.diameters[static_cast<int>(p->value)] = units::from_inch(2 * inches(r->value));
+    if (const Word* r = find('R'); r != nullptr && *number_of_tool >= 0 && *number_of_tool <= 99999) {
+      options_.diameters[*number_of_tool] = units::from_inch(2 * inches(r->value));
     }
     return {};
   }
-  POLYPOD_ASSIGN(index, index_of(*p));
+  Word tool_word = *p;
+  tool_word.value = *number_of_tool;
+  POLYPOD_ASSIGN(index, index_of(tool_word));
   if (index == 0) return error(p->column, "GC151", "tool 0 is not in the tool table", "name a tool");
   Tool& tool = options_.tools[index - 1];
   const ToolOffset before = tool.offset;

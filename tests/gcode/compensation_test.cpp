@@ -32,12 +32,14 @@ constexpr double kPi = std::numbers::pi;
 struct Mix {
   bool arcs = true;
   bool rapids = true;
-  bool between = true;  // blocks that do not move, and moves along Z and A
-  bool modes = true;    // G91, G90.1, G93, G20
-  bool grid = false;    // whole millimetres and right angles
+  bool between = true;   // blocks that do not move, and moves along Z and A
+  bool modes = true;     // G91, G90.1, G93, G20
+  bool grid = false;     // whole millimetres and right angles
+  bool spirals = false;  // arcs whose radii at start and end differ, nearly as far as rs274 lets them
 };
 
-/// Random contours, each with an entry and an exit. Arcs end on their circle as near as five decimals can say.
+/// Random contours, each with an entry and an exit. Arcs end on their circle as near as five decimals can say, but for
+/// spirals.
 class Contours {
  public:
   Contours(unsigned seed, const Mix& mix) : random_(seed), mix_(mix) {}
@@ -159,11 +161,13 @@ class Contours {
     const double cy = y_ + j;
     const double from = std::atan2(-j, -i);
     const double r = std::hypot(i, j);
-    const double x = rounded(cx + r * std::cos(from + turn * sweep));
-    const double y = rounded(cy + r * std::sin(from + turn * sweep));
+    const double allowed = std::max((unit_ == 1 ? 0.028 : 0.0028), 0.00099 * r);
+    const double last = r + (mix_.spirals ? between(-allowed, allowed) : 0);
+    const double x = rounded(cx + last * std::cos(from + turn * sweep));
+    const double y = rounded(cy + last * std::sin(from + turn * sweep));
     if (mix_.modes && pick(0, 5) == 0) {
       rest = fmt::format(" I{:.5f} J{:.5f} G90.1", cx, cy) + rest;
-    } else if (sweep < 3 && pick(0, 5) == 0) {
+    } else if (!mix_.spirals && sweep < 3 && pick(0, 5) == 0) {
       rest = fmt::format(" R{:.5f}", r) + rest;
     } else {
       rest = fmt::format(" I{:.5f} J{:.5f}{}", i, j, mix_.modes ? " G91.1" : "") + rest;
@@ -318,6 +322,17 @@ TEST(Compensation, ContoursOnAGridAsLinuxCncPrintsThem) {
   mix.grid = true;
   const Count count = compare(scratch, mix, "contours on a grid", 1);
   EXPECT_GT(count.same, 5);
+}
+
+/// Arcs whose radii at start and end differ: rs274 moves the corner before one onto the circle through its end.
+TEST(Compensation, SpiralsAsLinuxCncPrintsThem) {
+  const Scratch scratch;
+  Mix mix;
+  mix.between = false;
+  mix.spirals = true;
+  const Count count = compare(scratch, mix, "spirals", 1);
+  EXPECT_GT(count.same, 20);
+  EXPECT_GT(count.refused, 5);
 }
 
 /// The moves of canonical text, with all that they print.

@@ -552,6 +552,8 @@ TEST(Unroll, WritesWhatRunsWithItsLine) {
 }
 
 TEST(Unroll, TheClosingPercentSignStays) {
+  const std::string curve = plain("G0 X0 Y0 Z5\nG5 I1 J1 P1 Q1 X9 Y9 F100\nZ38\nM2\n");
+  EXPECT_EQ(curve.substr(curve.rfind('\n', curve.size() - 5) + 1), "G0 Z38\nM2\n") << curve;
   EXPECT_EQ(plain("%\n#1=2\nG0 X#1\nM2\n%\nrest\n"), "%\nG0 X2\nM2\n%\n");
   EXPECT_EQ(plain("%\n#1=2\nG0 X#1\n%\nrest\n"), "%\nG0 X2\n%\n");
   EXPECT_EQ(plain("%\n#1=2\nG0 X#1\nM2\n"), "%\nG0 X2\nM2\n");
