@@ -2,8 +2,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstdio>
 #include <memory>
+#include <string_view>
 
 #include "busy_line.hpp"
 #include "commands.hpp"
@@ -66,7 +68,15 @@ int print_explanation(const gcode::Explanation& e, bool json) {
   }
   fmt::print("line {}: {}\n", e.line, one_line(e.text));
   if (!e.runs) {
-    fmt::print("the program never runs this line\n");
+    constexpr std::string_view kElse = "else";
+    const auto same = [](char a, char b) { return std::tolower(static_cast<unsigned char>(a)) == b; };
+    const std::size_t first = e.text.find_first_not_of(" \t");
+    const bool divides = first != std::string::npos && same(e.text[first], 'o') &&
+                         std::search(e.text.begin(), e.text.end(), kElse.begin(), kElse.end(), same) != e.text.end();
+    fmt::print("{}\n", divides
+                           ? "the program does not stop here: it goes straight to the line behind where this branch "
+                             "is the one to run"
+                           : "the program never runs this line");
     return kDone;
   }
   print_meanings(e.words);
@@ -75,7 +85,10 @@ int print_explanation(const gcode::Explanation& e, bool json) {
                place_text(e.from, e.inches), place_text(e.to, e.inches), e.inches ? "inch" : "mm",
                e.compensated ? "; the tool runs beside it, and where its move ends follows from the next one" : "");
   } else {
-    fmt::print("the tool does not move\n");
+    const bool late = std::any_of(e.calls.begin(), e.calls.end(), moves);
+    fmt::print("{}\n",
+               late ? "the program commands no move here; the calls carry out the one that compensation held back"
+                    : "the tool does not move");
   }
   if (!e.in_force.empty()) fmt::print("in force after it:\n");
   print_meanings(e.in_force);

@@ -238,6 +238,8 @@ std::string Engine::meaning_of(const Word& word, const std::vector<Word>& words)
       const std::string_view of = word.letter <= 'C' ? std::string_view("deg") : unit;
       if (has('G', {100, 920, 520, 431, 432})) return fmt::format("{} {} of this setting", value, of);
       if (has('G', {530})) return fmt::format("to {} {} of the machine's own coordinate", value, of);
+      if (in_cycle && incremental_ && word.letter == kAxisLetters[axes_of(plane_)[2]])
+        return fmt::format("the bottom of the hole, {} {} from R", value, of);
       return incremental_ ? fmt::format("by {} {}", value, of) : fmt::format("to {} {}", value, of);
     }
     case 'I':
