@@ -233,16 +233,20 @@ class Part {
 
   void answer() {
     report_.add_section("What is reached");
-    const std::string missed = missed_in_words(volume_);
+    std::string behind = missed_in_words(volume_);
+    if (!volume_.proven) {
+      behind = fmt::format(" Nothing is proven: {}.", workspace::has_bounds(machine_)
+                                                          ? "within this tolerance bounds would take too many boxes"
+                                                          : "no bounds are known for the inverse of this machine") +
+               behind;
+    }
     report_.add_verdict(
         Verdict::neutral,
         fmt::format(
-            fmt::runtime(volume_.proven
-                             ? "{}, every point of {} {} is reached: certainly between {} and {} {}.{}"
-                             : "{}, a sample finds {} {} to be reached, with 95 % between {} and {} {}. Nothing "
-                               "is proven: no bounds are known for the inverse of this machine.{}"),
+            fmt::runtime(volume_.proven ? "{}, every point of {} {} is reached: certainly between {} and {} {}.{}"
+                                        : "{}, a sample finds {} {} to be reached, with 95 % between {} and {} {}.{}"),
             capital(), unit_.text(volume_.volume), unit_.name, unit_.text(volume_.lower), unit_.text(volume_.upper),
-            unit_.name, missed));
+            unit_.name, behind));
     report_.add_text(what_is_answered());
     const std::string beyond =
         beyond_in_words(workspace::beyond_singular(machine_, options_, volume_), "points drawn from it");
@@ -394,13 +398,20 @@ class Part {
     }
     plot.series.push_back(curve);
     report::Table table;
-    table.columns = {
-        {"tilt", "deg", 0}, {"volume", unit_.name}, {"proven bounds", unit_.name}, {"of that at zero tilt", "%", 1}};
-    report::Series proven{"proven, between bounds", {}, {}, report::Colour::vermillion, report::LineStyle::points, 3.5};
+    table.columns = {{"tilt", "deg", 0},
+                     {"volume", unit_.name},
+                     {volume_.proven ? "proven bounds" : "95 % of a sample", unit_.name},
+                     {"of that at zero tilt", "%", 1}};
+    report::Series finer{volume_.proven ? "proven, between bounds" : "95 % of a finer sample",
+                         {},
+                         {},
+                         report::Colour::vermillion,
+                         report::LineStyle::points,
+                         3.5};
     double first = 0;
     const auto add = [&](double tilt, const Volume& v) {
-      proven.x.push_back(to_deg(tilt));
-      proven.y.push_back(unit_.per_m3 * v.volume);
+      finer.x.push_back(to_deg(tilt));
+      finer.y.push_back(unit_.per_m3 * v.volume);
       report::Series bar{"",
                          {to_deg(tilt), to_deg(tilt)},
                          {unit_.per_m3 * v.lower, unit_.per_m3 * v.upper},
@@ -433,14 +444,16 @@ class Part {
       if (v.empty) break;
     }
     if (!shown) add(asked.tilt, volume_);
-    plot.series.push_back(proven);
+    plot.series.push_back(finer);
     if (!asked.is_ranges() && asked.tilt > 0) {
       plot.x_levels.push_back({"asked for", to_deg(asked.tilt), report::Colour::muted});
     }
     report_.add_section("Volume against tilt");
     report_.add_figure(plot,
-                       "The volume that is reached with every tilt up to the one below, at every azimuth: sampled on a "
-                       "coarse grid as a line; as points where it was proven, each with its bounds.");
+                       fmt::format("The volume that is reached with every tilt up to the one below, at every azimuth: "
+                                   "sampled on a coarse grid as a line; as points {}.",
+                                   volume_.proven ? "where it was proven, each with its bounds"
+                                                  : "by a finer sample, each with its 95 %"));
     report_.add_table(table);
     return {};
   }
