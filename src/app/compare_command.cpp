@@ -59,13 +59,14 @@ void print_answer(const machining::Job& job, const std::vector<machining::Method
   fmt::print("             min     mean      max\n");
   for (const machining::MethodOutcome& m : outcomes) {
     const auto um = [](double x) { return unsigned_zero(fmt::format("{:.1f}", to_um(x))); };
+    const double off = std::max(m.distance, m.with_robot_errors.value_or(0));
     const std::string with = m.with_robot_errors ? fmt::format("  {:>12}", um(*m.with_robot_errors)) : std::string();
     fmt::print("{:<8} {:>7}  {:>7}  {:>7}  {:>12}{}  {:>7}  {:>8.2f}  {}{}\n", machining::name_of(m.method),
                um(m.normal.min), um(m.normal.mean), um(m.normal.max), um(m.distance), with, m.lines, m.seconds,
-               m.inside ? m.judged ? "within the tolerance" : "within the tolerance, apart from what was not judged"
-               : std::max(m.distance, m.with_robot_errors.value_or(0)) > job.tolerance - machining::resolution(job)
-                   ? "beyond the tolerance"
-                   : "not all of it is judged",
+               m.inside                                           ? m.judged ? std::string("within the tolerance")
+                                                                             : "within the tolerance, apart from what was not judged"
+               : off > job.tolerance - machining::resolution(job) ? "beyond the tolerance" + kept_free(job, off)
+                                                                  : "not all of it is judged",
                m.worse ? ", worse than no correction" : "");
   }
   fmt::print("\ntolerance {:g} um; distances without the corners that the controller rounds{}\n", to_um(job.tolerance),
