@@ -179,7 +179,7 @@ TEST(Cl, RefusesBadInputWithItsPlace) {
       {"UNITS/MM\nFEDRAT/100,MMPM\nGOTO/20,0,0\nCIRCLE/0,0,0,0,0,1,20\nGOTO/0,20,0\nGOTO/-20,0,0\n", "PO110", 6},
       {"UNITS/FEET\n", "PO107", 1},
       {"UNITS/MM\nGOTO/1,2,3\n", "PO108", 2},
-      {"UNITS/MM\nFEDRAT/0.1,MMPR\n", "PO108", 2},
+      {"UNITS/MM\nFEDRAT/0.1,MMPR\nFROM/0,0,9\nGOTO/0,0,0\n", "PO108", 4},
       {"UNITS/MM\nSPINDL/CLW\n", "PO109", 2},
       {"UNITS/MM\nSPINDL/100,SFM\n", "PO109", 2},
       {"UNITS/MM\nMULTAX/OFF\nRAPID\nGOTO/0,0,0,0.6,0,0.8\n", "PO111", 4},
