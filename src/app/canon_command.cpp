@@ -2,10 +2,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cstdio>
 #include <memory>
-#include <string_view>
 
 #include "busy_line.hpp"
 #include "commands.hpp"
@@ -68,12 +66,7 @@ int print_explanation(const gcode::Explanation& e, bool json) {
   }
   fmt::print("line {}: {}\n", e.line, one_line(e.text));
   if (!e.runs) {
-    constexpr std::string_view kElse = "else";
-    const auto same = [](char a, char b) { return std::tolower(static_cast<unsigned char>(a)) == b; };
-    const std::size_t first = e.text.find_first_not_of(" \t");
-    const bool divides = first != std::string::npos && same(e.text[first], 'o') &&
-                         std::search(e.text.begin(), e.text.end(), kElse.begin(), kElse.end(), same) != e.text.end();
-    fmt::print("{}\n", divides
+    fmt::print("{}\n", e.divides
                            ? "the program does not stop here: it goes straight to the line behind where this branch "
                              "is the one to run"
                            : "the program never runs this line");
@@ -87,7 +80,7 @@ int print_explanation(const gcode::Explanation& e, bool json) {
   } else {
     const bool late = std::any_of(e.calls.begin(), e.calls.end(), moves);
     fmt::print("{}\n",
-               late ? "the program commands no move here; the calls carry out the one that compensation held back"
+               late ? "the program commands no move here; the calls carry out the one before, which compensation delays"
                     : "the tool does not move");
   }
   if (!e.in_force.empty()) fmt::print("in force after it:\n");

@@ -11,7 +11,6 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <numbers>
 
 #include "commands.hpp"
 #include "machine_file.hpp"
@@ -28,6 +27,7 @@
 #include "polypod/kinematics/free_joints.hpp"
 #include "polypod/kinematics/hold.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
+#include "polypod/kinematics/other_turns.hpp"
 #include "polypod/kinematics/parts.hpp"
 #include "polypod/kinematics/twist.hpp"
 #include "polypod/machine/urdf.hpp"
@@ -395,43 +395,23 @@ void print_open(const std::vector<std::vector<int>>& open) {
   }
 }
 
-/// The values, in turns of 360 deg from that of the solution, that a joint of an arm may have besides, within its
-/// limits.
-struct OtherTurns {
-  int joint = 0;
-  std::vector<double> degrees;
-};
-std::vector<OtherTurns> other_turns(const machine::AnyMachine& m, const machine::JointVector& q) {
-  std::vector<OtherTurns> out;
-  if (!kinematics::is_serial(m)) return out;
-  constexpr double kTurn = 2 * std::numbers::pi, kSame = 1e-9;  // m, rad
-  const kinematics::ForwardResult here = kinematics::forward(m, q);
-  for (int i = 0; i < kinematics::joint_count(m); ++i) {
-    if (kinematics::joint_kind(m, i) != machine::JointKind::revolute) continue;
-    const machine::JointRange range = kinematics::joint_range(m, i);
-    constexpr double kMostTurns = 20;
-    if (!(range.max - range.min <= kMostTurns * kTurn)) continue;  // as good as without limits
-    OtherTurns of{i + 1, {}};
-    for (double turns = std::ceil((range.min - q[i]) / kTurn); q[i] + turns * kTurn <= range.max; ++turns) {
-      machine::JointVector there = q;
-      there[i] += turns * kTurn;
-      const kinematics::ForwardResult pose = kinematics::forward(m, there);
-      if (turns == 0 || here.poses.empty() || pose.poses.empty()) continue;
-      const Pose &a = here.poses.front(), &b = pose.poses.front();
-      if ((a.p - b.p).norm() < kSame && (a.R - b.R).norm() < kSame) of.degrees.push_back(units::to_deg(there[i]));
-    }
-    if (!of.degrees.empty()) out.push_back(std::move(of));
-  }
-  return out;
-}
-std::string in_words(const std::vector<OtherTurns>& turns) {
+std::string in_words(const std::vector<kinematics::OtherTurns>& turns) {
   std::string out;
-  for (const OtherTurns& of : turns) {
-    out += fmt::format("{}joint {} at", out.empty() ? "  or " : ", ", of.joint);
-    for (std::size_t k = 0; k < of.degrees.size(); ++k)
-      out += fmt::format("{}{:.4f}", k == 0 ? " " : " or ", of.degrees[k]);
+  for (const auto& [joint, angles] : turns) {
+    out += fmt::format("{}joint {} at", out.empty() ? "  or " : ", ", joint + 1);
+    for (std::size_t k = 0; k < angles.size(); ++k)
+      out += fmt::format("{}{:.4f}", k == 0 ? " " : " or ", units::to_deg(angles[k]));
   }
   return out.empty() ? out : out + " deg\n";
+}
+Json json_of(const std::vector<kinematics::OtherTurns>& turns) {
+  Json out = Json::array();
+  for (const auto& [joint, angles] : turns) {
+    Json degrees = Json::array();
+    for (const double angle : angles) degrees.push_back(units::to_deg(angle));
+    out.push_back({{"joint", joint + 1}, {"deg", degrees}});
+  }
+  return out;
 }
 
 constexpr const char* kSearched = "found by a search: there may be other solutions";
@@ -461,6 +441,9 @@ Command ik_command() {
             Json solutions = Json::array();
             const kinematics::Solution* best = nullptr;
             std::vector<std::vector<int>> open;  // of each solution
+            const auto turns_of = [&m](const kinematics::Solution& s) {
+              return s.violations == 0 ? kinematics::other_turns(m, s.joints) : std::vector<kinematics::OtherTurns>{};
+            };
             for (const kinematics::Solution& s : result.solutions) {
               if (best == nullptr || std::popcount(s.violations) < std::popcount(best->violations)) best = &s;
               Json entry{{"joints", joints_for_user(m, s.joints)},
@@ -470,8 +453,7 @@ Command ik_command() {
               if (singular_at(m, X, s)) entry["singular"] = true;
               open.push_back(kinematics::free_joints(m, X, s.joints));
               if (!open.back().empty()) entry["free_joints"] = numbered(open.back());
-              for (const OtherTurns& of : other_turns(m, s.joints))
-                if (s.violations == 0) entry["other_turns"].push_back({{"joint", of.joint}, {"deg", of.degrees}});
+              if (const auto turns = turns_of(s); !turns.empty()) entry["other_turns"] = json_of(turns);
               solutions.push_back(entry);
             }
             const bool more = moves_more_than_its_task(m);
@@ -500,7 +482,7 @@ Command ik_command() {
                 fmt::print("{:<32} {}{}\n  {}\n", kinematics::branch_name(m, s.branch),
                            in_words(kinematics::limit_names(m, s.violations)),
                            singular_at(m, X, s) ? " (singular)" : "", joints_in_words(m, s.joints));
-                if (s.violations == 0) fmt::print("{}", in_words(other_turns(m, s.joints)));
+                fmt::print("{}", in_words(turns_of(s)));
               }
               if (more) {
                 print_whole_pose(whole_pose_for_user(kinematics::settled(m, X, result.solutions.front().joints)));

@@ -393,6 +393,10 @@ Result<Explanation> Engine::explain(int line) {
                 blocks.empty() ? "it is empty" : fmt::format("its last line is {}", blocks.back().line));
   }
   out.text = at->text;
+  if (at->construct == Construct::o_word) {
+    const auto word = o_word(at->text);
+    out.divides = word && (word->second == "else" || word->second == "elseif");
+  }
   begin();
   until_ = line;
   POLYPOD_TRY(run_lines());

@@ -632,14 +632,17 @@ class ChainReader {
                               name, shown(axis_names_[index])),
                   place, "end the chain before it, or make it fixed");
     }
-    if (multiplier != 0) {
+    const bool limited = joint.type != "continuous";
+    if (multiplier != 0 && limited) {
       const double low = (axis.range.min - offset) / multiplier, high = (axis.range.max - offset) / multiplier;
       leads.range.min = std::max(leads.range.min, std::min(low, high));
       leads.range.max = std::min(leads.range.max, std::max(low, high));
+    } else if (limited && (offset < axis.range.min || offset > axis.range.max)) {
+      leads.range.max = leads.range.min;
+    }
+    if (multiplier != 0) {
       const double fastest = axis.speed / std::abs(multiplier);
       if (fastest > 0) leads.speed = leads.speed > 0 ? std::min(leads.speed, fastest) : fastest;
-    } else if (offset < axis.range.min || offset > axis.range.max) {
-      leads.range.max = leads.range.min;
     }
     if (!(leads.range.min < leads.range.max)) {
       return fail("MA188",

@@ -304,8 +304,7 @@ class Part {
           "Three planes through the middle of the workspace. The deeper the colour, the farther the tool "
           "may tilt from z "
           "at every azimuth before a limit stops it; the colour says which limit that is, grey where none does up to "
-          "{:.0f} "
-          "deg. {}",
+          "{:.0f} deg. {}",
           to_deg(workspace::FieldOptions{}.tilt_max),
           options_.directions.is_ranges() || options_.directions.tilt > 0
               ? fmt::format("The black line encloses what is reached {}.", directions_of(machine_, options_))

@@ -230,6 +230,12 @@ TEST(Urdf, LimitsAndSpeedsOfAFollowerHoldForItsLeader) {
   EXPECT_NEAR(joint_speed_limit(arm, 1), 1, 1e-12);
   EXPECT_NEAR(joint_range(arm, 0).max, 3, 1e-12);
   EXPECT_EQ(arm.provenance.at("joints"), "1 j1, 2 j2, j3 follows j2");
+  // A follower without limits gives none to its leader.
+  const std::size_t type = text.find("revolute", text.find("<joint name=\"j3\""));
+  const SerialArm endless = arm_of(text.replace(type, std::string("revolute").size(), "continuous"));
+  EXPECT_NEAR(joint_range(endless, 1).min, -3, 1e-12);
+  EXPECT_NEAR(joint_range(endless, 1).max, 3, 1e-12);
+  EXPECT_NEAR(joint_speed_limit(endless, 1), 1, 1e-12);
 }
 
 TEST(Urdf, NearlyParallelAxesLoseNoDigits) {
@@ -494,7 +500,10 @@ TEST(Urdf, WhatIsRefusedIsNamedWithItsPlace) {
        "joint j2 follows joint j9 (mimic), which"},
       {with(axis, axis + "<mimic multiplier=\"2\"/>"), "MA188", 5, "names no joint"},
       {with(axis, axis + "<mimic joint=\"j1\" multiplier=\"2 deg\"/>"), "MA188", 5, "is no number"},
-      {with(axis, axis + "<mimic joint=\"j1\" offset=\"90\"/>"), "MA188", 5, "no angle"},
+      {with(j2,
+            "<joint name=\"j2\" type=\"revolute\"><limit lower=\"-1\" upper=\"1\" effort=\"1\" velocity=\"1\"/>"
+            "<mimic joint=\"j1\" offset=\"90\"/>"),
+       "MA188", 5, "no angle"},
       {type("revolute"), "MA189", 5, "limit"},
       {along("0 nan 0"), "MA189", 5, "j2"},
       {along("0 1"), "MA189", 5, "j2"},

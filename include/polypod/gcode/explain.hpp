@@ -19,6 +19,7 @@ struct Explanation {
   int line = 0;
   std::string text;                    ///< as it is written
   bool runs = false;                   ///< false: the program never comes to the line; the rest is empty
+  bool divides = false;                ///< an `else` or `elseif`, which is passed by where the branch behind it runs
   std::vector<Meaning> words;          ///< in the order of the line
   std::vector<Meaning> in_force;       ///< unit, plane, modes, offsets, tool, feed and spindle after the line;
                                        ///< empty where the program ends with it

@@ -15,6 +15,11 @@
 
 namespace polypod::workspace {
 
+/// Whether a turning joint has any angle in some turn: its limits then end nothing.
+inline bool is_whole_turn(double low, double high) {
+  return high - low >= 2 * std::numbers::pi - 1e-9;
+}
+
 /// Arms with the closed wrist inverse: any of its branches may keep the limits.
 class ArmJudge {
  public:
@@ -25,8 +30,7 @@ class ArmJudge {
     const double size = std::abs(f_.a1) + f_.a2 + std::abs(f_.d4) + f_.reach;
     for (int i = 0; i < 10; ++i) {
       const auto joint = static_cast<std::size_t>(i / 2);
-      const bool whole_turn = f_.max[joint] - f_.min[joint] >= 2 * std::numbers::pi - 1e-9;
-      if ((heeded >> i & 1U) != 0 && !whole_turn) slots.push_back({i, size});
+      if ((heeded >> i & 1U) != 0 && !is_whole_turn(f_.min[joint], f_.max[joint])) slots.push_back({i, size});
     }
     slots.push_back({kOutOfReach, 1});
   }
@@ -102,9 +106,9 @@ class RedundantJudge {
     for (int i = 0; i < joint_count(arm); ++i) ranges_.push_back(joint_range(arm, i));
     for (const Slot& slot : slots_of(arm, options)) {
       const auto joint = static_cast<std::size_t>(slot.limit / 2);
-      const bool whole_turn = joint_kind(arm, slot.limit / 2) == machine::JointKind::revolute &&
-                              ranges_[joint].max - ranges_[joint].min >= 2 * std::numbers::pi - 1e-9;
-      if (whole_turn) continue;
+      if (joint_kind(arm, slot.limit / 2) == machine::JointKind::revolute &&
+          is_whole_turn(ranges_[joint].min, ranges_[joint].max))
+        continue;
       slots.push_back(slot);
       scales_[static_cast<std::size_t>(slot.limit)] = slot.scale;
     }

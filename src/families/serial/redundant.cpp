@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "six_joints.hpp"
@@ -46,6 +47,30 @@ bool may_end_within(const std::array<double, kGrid + 1>& costs, int k) {
   return here - kMisses <= kSteps * step;
 }
 
+/// So many steps of the golden section (Kiefer 1953) towards a least f between a and b, which remembers what it was
+/// asked; one value of f each, none behind `done()`.
+template <class F, class Done>
+void descend(const F& f, double a, double b, int sections, const Done& done) {
+  constexpr double kGolden = 0.6180339887498949;
+  double c = b - kGolden * (b - a), d = a + kGolden * (b - a);
+  double at_c = f(c), at_d = f(d);
+  for (int i = 0; i < sections && !done(); ++i) {
+    if (at_c < at_d) {
+      b = d;
+      d = c;
+      at_d = at_c;
+      c = b - kGolden * (b - a);
+      at_c = f(c);
+    } else {
+      a = c;
+      c = d;
+      at_c = at_d;
+      d = a + kGolden * (b - a);
+      at_d = f(d);
+    }
+  }
+}
+
 }  // namespace
 
 std::optional<RedundantInverse> RedundantInverse::of(const SerialArm& arm) {
@@ -86,6 +111,11 @@ Pose RedundantInverse::target(const Pose& X_MT, double u) const {
 
 double RedundantInverse::at_grid(int k) const {
   return low_ + (high_ - low_) * k / kGrid;
+}
+
+std::pair<double, double> RedundantInverse::beside(int k, int pieces) const {
+  const double a = at_grid(k - pieces), b = at_grid(k + pieces);
+  return carried_ ? std::pair(std::max(a, low_), std::min(b, high_)) : std::pair(a, b);  // a turn goes round
 }
 
 double RedundantInverse::near_singular(const kinematics::JointVector& q) const {
@@ -156,13 +186,8 @@ void RedundantInverse::look(const Pose& X_MT, double u, const Ask& ask, All& out
 }
 
 RedundantInverse::One RedundantInverse::refined(const Pose& X_MT, const Ask& ask, int k) const {
-  constexpr double kGolden = 0.6180339887498949;
   constexpr int kSections = 36;
-  double a = at_grid(k - 1), b = at_grid(k + 1);
-  if (carried_) {  // a turn goes round
-    a = std::max(a, low_);
-    b = std::min(b, high_);
-  }
+  const auto [a, b] = beside(k, 1);
   All all;
   One best;
   best.cost = kNowhere;
@@ -172,23 +197,7 @@ RedundantInverse::One RedundantInverse::refined(const Pose& X_MT, const Ask& ask
     return all[*ask.branch].cost;
   };
   cost(std::clamp(at_grid(k), a, b));
-  double c = b - kGolden * (b - a), d = a + kGolden * (b - a);
-  double at_c = cost(c), at_d = cost(d);
-  for (int i = 0; i < kSections && !(ask.any && best.cost < kMisses); ++i) {
-    if (at_c < at_d) {
-      b = d;
-      d = c;
-      at_d = at_c;
-      c = b - kGolden * (b - a);
-      at_c = cost(c);
-    } else {
-      a = c;
-      c = d;
-      at_c = at_d;
-      d = a + kGolden * (b - a);
-      at_d = cost(d);
-    }
-  }
+  descend(cost, a, b, kSections, [&] { return ask.any && best.cost < kMisses; });
   return best;
 }
 
@@ -273,31 +282,11 @@ double RedundantInverse::room_at(const Pose& X_MT, double u, std::span<const dou
 
 std::optional<kinematics::JointVector> RedundantInverse::roomiest(const Pose& X_MT,
                                                                   std::span<const double> scales) const {
-  constexpr double kGolden = 0.6180339887498949;
   Roomiest best;
   const auto room = [&](double u) { return room_at(X_MT, u, scales, best); };
-  const auto climb = [&](double a, double b, int sections) {
-    if (carried_) {  // a turn goes round
-      a = std::max(a, low_);
-      b = std::min(b, high_);
-    }
-    double c = b - kGolden * (b - a), d = a + kGolden * (b - a);
-    double at_c = room(c), at_d = room(d);
-    for (int i = 0; i < sections; ++i) {
-      if (at_c > at_d) {
-        b = d;
-        d = c;
-        at_d = at_c;
-        c = b - kGolden * (b - a);
-        at_c = room(c);
-      } else {
-        a = c;
-        c = d;
-        at_c = at_d;
-        d = a + kGolden * (b - a);
-        at_d = room(d);
-      }
-    }
+  const auto climb = [&](int k, int pieces, int sections) {
+    const auto [a, b] = beside(k, pieces);
+    descend([&](double u) { return -room(u); }, a, b, sections, [] { return false; });
   };
   std::array<double, kGrid + 1> rooms;
   constexpr int kCoarse = 4;
@@ -306,14 +295,13 @@ std::optional<kinematics::JointVector> RedundantInverse::roomiest(const Pose& X_
     rooms[static_cast<std::size_t>(k)] = room(at_grid(k));
     if (rooms[static_cast<std::size_t>(k)] > rooms[static_cast<std::size_t>(at)]) at = k;
   }
-  if (best.room > -kNowhere) climb(at_grid(at - kCoarse), at_grid(at + kCoarse), 6);
+  if (best.room > -kNowhere) climb(at, kCoarse, 6);
   if (best.room >= 0) return best.joints;
   for (int k = 0; k <= kGrid; ++k)
     if (k % kCoarse != 0) rooms[static_cast<std::size_t>(k)] = room(at_grid(k));
   for (double& r : rooms) r = r > -kNowhere ? -r : kNowhere;  // as costs
   const std::vector<int> tops = lowest_of(rooms);
-  for (std::size_t i = 0; i < std::min<std::size_t>(2, tops.size()); ++i)
-    climb(at_grid(tops[i] - 1), at_grid(tops[i] + 1), 20);
+  for (std::size_t i = 0; i < std::min<std::size_t>(2, tops.size()); ++i) climb(tops[i], 1, 20);
   if (!(best.room > -kNowhere)) return {};
   return best.joints;
 }

@@ -7,6 +7,7 @@
 #include <limits>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "closed_inverse.hpp"
@@ -72,6 +73,8 @@ class RedundantInverse {
   void look(const Pose& X_MT, double u, const Ask& ask, All& out) const;
   void take(unsigned branch, double u, const double* q, bool singular, const Ask& ask, All& out) const;
   [[nodiscard]] double at_grid(int k) const;
+  /// So many pieces of the grid to either side of a value of it, within the range.
+  [[nodiscard]] std::pair<double, double> beside(int k, int pieces) const;
   /// The best of a branch between the neighbours of a value of the grid.
   [[nodiscard]] One refined(const Pose& X_MT, const Ask& ask, int k) const;
   struct Roomiest {
