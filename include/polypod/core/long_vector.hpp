@@ -16,13 +16,12 @@
 namespace polypod {
 
 /// Bytes in a row. Up to kInMemory of them are on the heap; more are a mapped file without a name in the folder
-/// TMPDIR (else /tmp), of which the process holds the parts that were last come to: kParts of each, and more as long as
-/// all together hold no more than kHeld. Where the file cannot be written they stay on the heap.
+/// TMPDIR (else /tmp), of which the process holds the parts that were last come to: of all rows together no more than
+/// kHeld. Where the file cannot be written they stay on the heap.
 class LongBytes {
  public:
   static constexpr std::size_t kInMemory = std::size_t{1} << 18;
   static constexpr std::size_t kPart = std::size_t{1} << 17;
-  static constexpr std::size_t kParts = 4;                     ///< held at once at least
   static constexpr std::size_t kHeld = std::size_t{40} << 20;  ///< bytes, of all that are alive
 
   LongBytes() = default;
@@ -38,36 +37,29 @@ class LongBytes {
   void swap(LongBytes& other) noexcept;
   [[nodiscard]] char* data() const { return data_; }
   [[nodiscard]] std::size_t capacity() const { return capacity_; }
-  [[nodiscard]] bool in_file() const { return file_ >= 0; }
+  [[nodiscard]] bool in_file() const { return file_ != nullptr; }
   /// Room for so many bytes; what is there may move. Errors: std::bad_alloc.
   void make_room(std::size_t bytes);
   /// Whoever reads or writes at `offset` says so: parts that were left long ago are given back to the file. From
   /// several threads at once.
   void come_to(std::size_t offset) const {
-    if (file_ < 0) return;
+    if (file_ == nullptr) return;
     const std::size_t part = offset / kPart;
     if (part != here_.load(std::memory_order_relaxed)) hold(part);
   }
 
  private:
+  class File;
   static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
   void hold(std::size_t part) const;
-  void give_back_longest_left() const;
-  void hold_none();
   bool move_to_file(std::size_t bytes);
-  bool lengthen_file(std::size_t bytes);
   void move_to_heap(std::size_t bytes);
-  void give_up_file();
 
   char* data_ = nullptr;
   std::size_t capacity_ = 0;
-  int file_ = -1;
+  File* file_ = nullptr;
   bool no_file_ = false;  // there was no room for one
   mutable std::atomic<std::size_t> here_{kNone};
-  mutable std::atomic_flag busy_ = ATOMIC_FLAG_INIT;
-  mutable std::vector<std::uint64_t> last_come_to_;  // of each part, by a clock of this row's; 0: not held
-  mutable std::uint64_t clock_ = 0;
-  mutable std::size_t held_ = 0;  // parts
 };
 
 /// As std::vector, for elements without destructors: references stay valid until it grows, also beyond what is held in
