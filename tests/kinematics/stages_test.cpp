@@ -129,6 +129,87 @@ TEST(Stages, ATriceptWithItsWristMeetsItsClosedForm) {
 
 /// A target behind the carrier's home, which the struts reach beyond their limits in another assembly mode: the pose of
 /// each solution is where the tool was asked to be all the same, and reaches() says what the limits do.
+/// A Tricept with its wrist in closed form, and one whose tool axis misses the wrist's centre by 0.1 um: by search.
+TEST(Stages, AWristOnAModuleMeetsTheSearch) {
+  const AnyMachine closed = test::load("tricept-wrist");
+  auto text = machine::to_toml(closed);
+  const std::size_t at = text.find("a_mm = 0,", text.find("serial"));
+  ASSERT_NE(at, std::string::npos) << text;
+  text.replace(at, 9, "a_mm = 0.0001,");
+  const AnyMachine searched = read(text);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  int judged = 0;
+  for (int k = 0; k < 60; ++k) {
+    SCOPED_TRACE(k);
+    JointVector q(5);
+    for (int j = 0; j < 3; ++j) q[j] = 0.95 + 0.15 * unit(random);
+    q[3] = 3 * unit(random);
+    q[4] = 2 * unit(random);
+    const auto poses = kinematics::forward(closed, q).poses;
+    if (poses.empty()) continue;
+    const auto found = kinematics::inverse(closed, poses[0]), others = kinematics::inverse(searched, poses[0]);
+    ASSERT_EQ(found.solutions.size(), 2u);
+    const auto is_among = [](const JointVector& joints, const kinematics::InverseResult& in, double same) {
+      return std::any_of(in.solutions.begin(), in.solutions.end(), [&](const kinematics::Solution& s) {
+        JointVector d = s.joints - joints;
+        for (int j = 3; j < 5; ++j) d[j] = std::remainder(d[j], 2 * std::numbers::pi);
+        return d.cwiseAbs().maxCoeff() < same;
+      });
+    };
+    EXPECT_TRUE(is_among(q, found, 1e-9));
+    for (const kinematics::Solution& s : found.solutions) {
+      EXPECT_FALSE(s.singular);
+      const Pose back = kinematics::forward(closed, s.joints).poses.at(0);
+      EXPECT_LT((back.p - poses[0].p).norm() + (back.R.col(2) - poses[0].R.col(2)).norm(), 1e-11);
+      EXPECT_TRUE(is_among(s.joints, others, 1e-4 / std::max(0.01, std::abs(std::sin(s.joints[4])))));
+    }
+    EXPECT_EQ(others.solutions.size(), 2u);
+    ++judged;
+  }
+  EXPECT_GT(judged, 50);
+}
+
+// A delta with a wrist of three joints, whose tool tip lies beside its last axis.
+TEST(Stages, AWristOfThreeJointsOnADelta) {
+  const AnyMachine m = read(
+      "family = \"stages\"\ntask = \"pose\"\n[[stage]]\nmachine = \"delta-picker\"\n[[stage]]\nmount = { x_mm = 20, "
+      "z_mm = -30, a_deg = 170 }\nhome = [0, 40, 0]\n[stage.machine]\nfamily = \"serial\"\ndh = [\n{ d_mm = 60, "
+      "alpha_deg "
+      "= 90 },\n{ alpha_deg = -90 },\n{ d_mm = 80 },\n]\ntool = { x_mm = 15, z_mm = 40, b_deg = 25 }\nlimits = [\n{ "
+      "min_deg = -200, max_deg = 200 },\n{ min_deg = -120, max_deg = 120 },\n{ min_deg = -360, max_deg = 360 },\n]\n");
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  const Pose home = kinematics::home_pose(m).value();
+  for (int k = 0; k < 200; ++k) {
+    SCOPED_TRACE(k);
+    Pose X = home;
+    X.p += 0.1 * Vec3(unit(random), unit(random), unit(random));
+    X.R = rotation_of(2 * Vec3(unit(random), unit(random), unit(random))) * X.R;
+    const auto found = kinematics::inverse(m, X);
+    ASSERT_EQ(found.solutions.size(), 2u * 8u) << found.reason;  // of the wrist, of the delta's arms
+    int flipped = 0;
+    for (const kinematics::Solution& s : found.solutions) {
+      EXPECT_LT(std::visit([&](const auto& machine) { return kinematics::closure_residual(machine, X, s.joints); }, m),
+                1e-12);
+      flipped += std::abs(s.joints[4] + found.solutions[0].joints[4]) < 1e-9 ? 1 : 0;
+    }
+    EXPECT_EQ(flipped, 8);
+    // From joints near one of them the search stays with it.
+    const auto near = kinematics::inverse_near(m, X, found.solutions[1].joints + JointVector::Constant(6, 1e-3));
+    ASSERT_FALSE(near.solutions.empty());
+    EXPECT_LT((near.solutions[0].joints - found.solutions[1].joints).cwiseAbs().maxCoeff(), 1e-6);
+  }
+  // Axes 1 and 3 in line: one posture, an example, with joint 1 as at home.
+  JointVector straight = kinematics::inverse(m, home).solutions.at(0).joints;
+  straight.tail<3>() << 0.5, 0, 0.25;
+  const auto singular = kinematics::inverse(m, kinematics::forward(m, straight).poses.at(0));
+  ASSERT_EQ(singular.solutions.size(), 8u);
+  EXPECT_TRUE(singular.solutions[0].singular);
+  EXPECT_NEAR(singular.solutions[0].joints[3], 0, 1e-12);
+  EXPECT_NEAR(singular.solutions[0].joints[5], 0.75, 1e-9);
+}
+
 TEST(Stages, SolutionsBeyondTheLimitsAreWhereTheyWereAsked) {
   const AnyMachine m = test::load("tricept-wrist");
   const auto& stages = std::get<machine::Stages>(m);

@@ -344,6 +344,15 @@ std::optional<Pose> closed_home(const Parallel& m) {
   return found.converged && found.turned < kNear && found.moved < far ? std::optional<Pose>(found.X) : std::nullopt;
 }
 
+Parallel with_tip_at(const Parallel& m, const Vec3& v) {
+  Parallel out = m;
+  static_cast<TipLimits&>(out) = {};
+  out.tool += v;
+  out.home.p = m.home * v;
+  out.home_given.head<3>() = out.home.p;
+  return out;
+}
+
 std::optional<Pose> settled_near(const Parallel& m, const Pose& target, const Pose& start) {
   if (m.task.size() == 6) return target;
   const Settling found = settle_from(m, target, start);

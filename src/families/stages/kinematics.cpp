@@ -12,6 +12,7 @@
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
+#include "wrist_on_module.hpp"
 
 namespace polypod::machine {
 namespace {
@@ -237,15 +238,18 @@ std::vector<StagePose> at_home(const Stages& m) {
   return out;
 }
 
-/// Adds what a search found, with all solutions of the closed stage there.
-void add(const Stages& m, const Search& found, InverseResult& out) {
+/// All solutions of the closed stage where it stands; where there is none but chains, the joints of the last one.
+std::vector<Solution> of_closed_stage(const Stages& m, const StagePose& closed) {
+  if (!is_chain(m, m.closed)) return kinematics::inverse(m.machines[m.closed], closed.X).solutions;
+  std::vector<Solution> out(1);
+  out.front().joints = closed.q;
+  return out;
+}
+
+/// Adds what a search found, with these solutions of the closed stage.
+void add(const Stages& m, const Search& found, const std::vector<Solution>& of_closed, InverseResult& out) {
   constexpr double kSame = 1e-6;
   const Pose X = tip_of(m, found.stages);
-  std::vector<Solution> of_closed(1);
-  of_closed.front().joints = found.stages[m.closed].q;
-  if (!is_chain(m, m.closed)) {
-    of_closed = kinematics::inverse(m.machines[m.closed], found.stages[m.closed].X).solutions;
-  }
   for (const Solution& one : of_closed) {
     Solution s;
     s.joints.resize(joint_count(m));
@@ -430,6 +434,39 @@ const char* why_so_near(double error) {
   return error < kNear ? ", a singular pose or one at the rim of what the machine reaches" : "";
 }
 
+/// By the distance of the joints from those of `stages`, and numbered so.
+void order(InverseResult& found, const std::vector<StagePose>& stages) {
+  JointVector at_start(0);
+  for (const StagePose& stage : stages) {
+    at_start.conservativeResize(at_start.size() + stage.q.size());
+    at_start.tail(stage.q.size()) = stage.q;
+  }
+  std::stable_sort(found.solutions.begin(), found.solutions.end(), [&](const Solution& a, const Solution& b) {
+    return (a.joints - at_start).norm() < (b.joints - at_start).norm();
+  });
+  number_postures(found);
+}
+
+/// The postures of a wrist on a module, with all solutions of the module, by their distance from those of `stages`.
+InverseResult in_closed_form(const Stages& m, const WristOnModule& form, const Pose& X_MT,
+                             const std::vector<StagePose>& stages) {
+  InverseResult out;
+  WristOnModule::Found found = form.solve(m, X_MT, stages[1].q[0]);
+  std::vector<Solution> of_module;
+  for (WristOnModule::Posture& posture : found.postures) {
+    if (of_module.empty()) of_module = of_closed_stage(m, posture.stages[0]);
+    const std::size_t known = out.solutions.size();
+    add(m, {std::move(posture.stages), 0, true}, of_module, out);
+    for (std::size_t i = known; i < out.solutions.size(); ++i)
+      out.solutions[i].singular = out.solutions[i].singular || posture.singular;
+  }
+  order(out, stages);
+  out.converged = !out.solutions.empty();
+  out.reason = found.postures.empty() || out.converged ? std::move(found.reason)
+                                                       : "the module that carries the wrist has no joints there";
+  return out;
+}
+
 /// All that the searches find, or up to the first solution that keeps the limits `enough`.
 InverseResult searched(const Stages& m, const Pose& X_MT, std::optional<LimitBits> enough) {
   static constexpr std::array<int, kMaxJoints> kPrimes{2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
@@ -460,21 +497,12 @@ InverseResult searched(const Stages& m, const Pose& X_MT, std::optional<LimitBit
     const Search found = search(m, X_MT, stages);
     best = std::min(best, found.error);
     const std::size_t known = out.solutions.size();
-    if (found.converged) add(m, found, out);
+    if (found.converged) add(m, found, of_closed_stage(m, found.stages[m.closed]), out);
     in_vain = out.solutions.size() > known ? 0 : in_vain + 1;
     const auto keeps = [&](const Solution& s) { return (s.violations & *enough) == 0; };
     if (enough && std::any_of(out.solutions.begin() + std::ptrdiff_t(known), out.solutions.end(), keeps)) break;
   }
-  JointVector at_start(joint_count(m));
-  Eigen::Index at = 0;
-  for (const StagePose& stage : home) {
-    at_start.segment(at, stage.q.size()) = stage.q;
-    at += stage.q.size();
-  }
-  std::stable_sort(out.solutions.begin(), out.solutions.end(), [&](const Solution& a, const Solution& b) {
-    return (a.joints - at_start).norm() < (b.joints - at_start).norm();
-  });
-  number_postures(out);
+  order(out, home);
   out.converged = !out.solutions.empty();
   if (!out.converged) {
     out.reason = fmt::format(
@@ -488,10 +516,12 @@ InverseResult searched(const Stages& m, const Pose& X_MT, std::optional<LimitBit
 }  // namespace
 
 InverseResult inverse(const Stages& m, const Pose& X_MT) {
+  if (const auto form = WristOnModule::of(m)) return in_closed_form(m, *form, X_MT, at_home(m));
   return searched(m, X_MT, {});
 }
 
 bool reaches(const Stages& m, const Pose& X_MT, LimitBits heeded) {
+  if (const auto form = WristOnModule::of(m)) return in_closed_form(m, *form, X_MT, at_home(m)).keeps(heeded);
   return searched(m, X_MT, heeded).keeps(heeded);
 }
 
@@ -521,7 +551,7 @@ InverseResult inverse_from(const Stages& m, const Pose& X_MT, const JointVector&
                              units::to_mm(found.error), why_so_near(found.error));
     return out;
   }
-  add(m, found, out);
+  add(m, found, of_closed_stage(m, found.stages[m.closed]), out);
   number_postures(out);
   return out;
 }
