@@ -8,12 +8,15 @@
 #include "parallel/bounds.hpp"
 #include "polypod/workspace/shape.hpp"
 #include "serial/bounds.hpp"
+#include "stages/bounds.hpp"
 
 namespace polypod::workspace {
 
 // Each compiles for half a minute: src/families/<family>/subdivide.cpp.
 extern template Result<Volume> subdivided_volume(const ParallelLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const ParallelLimits&, const Options&, const Shape&, std::int64_t);
+extern template Result<Volume> subdivided_volume(const WristLimits&, const Options&, bool);
+extern template Result<bool> subdivided_holds(const WristLimits&, const Options&, const Shape&, std::int64_t);
 extern template Result<Volume> subdivided_volume(const StrutLimits&, const Options&, bool);
 extern template Result<bool> subdivided_holds(const StrutLimits&, const Options&, const Shape&, std::int64_t);
 extern template Result<Volume> subdivided_volume(const SliderLimits&, const Options&, bool);

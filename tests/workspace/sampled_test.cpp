@@ -163,8 +163,9 @@ limits = [ { min_mm = 0, max_mm = 300 }, { min_mm = 100, max_mm = 200 }, { min_m
 }
 
 TEST(Sampled, WhatNeedsAProofIsRefused) {
-  const AnyMachine m = test::load("tricept-wrist");
+  const AnyMachine m = test::load("dynapod");
   EXPECT_FALSE(workspace::has_bounds(m));
+  EXPECT_TRUE(workspace::has_bounds(test::load("tricept-wrist")));
   EXPECT_TRUE(workspace::has_bounds(test::load("tricept")));
   EXPECT_TRUE(workspace::has_bounds(test::load("lola50")));
   const workspace::Shape cube{workspace::ShapeKind::box, Vec3(0, 0, 0.5), Vec3::Constant(0.01)};

@@ -21,8 +21,19 @@ class ParallelLimits {
  public:
   struct Data {};
 
-  ParallelLimits(const machine::Parallel& m, const Options& options)
-      : m_(m), mask_(options.limits), p_(kinematics::nominal_parameters(m)), p_interval_(p_.begin(), p_.end()) {
+  /// Where a machine that carries a wrist is asked about the wrist's tip: its own tool tip, the wrist's centre, is at
+  /// X_BM (p + R `centre`) for the position p of the box and the orientation R of the patch.
+  struct Carrying {
+    Pose X_BM;
+    Vec3 centre = Vec3::Zero();
+  };
+
+  ParallelLimits(const machine::Parallel& m, const Options& options, const std::optional<Carrying>& carrying = {})
+      : m_(m),
+        mask_(options.limits),
+        carrying_(carrying),
+        p_(kinematics::nominal_parameters(m)),
+        p_interval_(p_.begin(), p_.end()) {
     for (const double value : p_) {
       p_domain_.emplace_back(value);
       p_tangent_.emplace_back(value);
@@ -108,16 +119,27 @@ class ParallelLimits {
       for (int k = 0; k < 3; ++k) y[k] += DomainNumber(arm[static_cast<std::size_t>(k)], &d);
       return straight_leg(group, y, d, out);
     }
-    const std::optional<Pose> X0 = settled(m_, target_at(center, patch));
-    if (!X0 || !enclose(*X0, center, d, u)) return too_far(center, half) ? Verdict::dead : Verdict::open;
-    const PoseT<DomainNumber> X = pose(center, d, u, middle_of(*X0));
-    Verdict verdict = tip(X.p, d, out);
-    for (int j = 0; j < n && verdict != Verdict::dead; ++j) verdict = both(verdict, leg(j, X, d, out));
+    const std::optional<PoseT<DomainNumber>> X = pose_over(center, d);
+    if (!X) return too_far(center, d) ? Verdict::dead : Verdict::open;
+    const Verdict verdict = legs_and_tip(*X, d, out);
     if (verdict != Verdict::undecided) out.clear();
     return verdict;
   }
 
- private:
+ protected:
+  /// All poses of the domain in first order, where coordinates follow; empty where they are not enclosed.
+  [[nodiscard]] std::optional<PoseT<DomainNumber>> pose_over(const Vec3& center, const Domain& d) const {
+    const std::optional<Pose> X0 = settled(m_, target_at(center, *d.patch));
+    std::array<DomainNumber, 5> u;
+    if (!X0 || !enclose(*X0, center, d, u)) return std::nullopt;
+    return pose(center, d, u, middle_of(*X0));
+  }
+  Verdict legs_and_tip(const PoseT<DomainNumber>& X, const Domain& d, BoundList& out) const {
+    Verdict verdict = tip(X.p, d, out);
+    for (int j = 0; j < joint_count(m_) && verdict != Verdict::dead; ++j) verdict = both(verdict, leg(j, X, d, out));
+    return verdict;
+  }
+
   static constexpr int kTurnAboutAxis = 6;
   static constexpr int kNone = -1;  // a side of the box that is no coordinate
   static constexpr std::int64_t kAnyNumber = std::numeric_limits<std::int64_t>::max();
@@ -139,9 +161,10 @@ class ParallelLimits {
   }
 
   /// Whether no orientation brings the tip into the box with all struts and rods within their lengths.
-  [[nodiscard]] bool too_far(const Vec3& center, const Vec3& half) const {
+  [[nodiscard]] bool too_far(const Vec3& middle, const Domain& d) const {
     if (!m_.task.places()) return false;
-    const double radius = half.norm();
+    const Vec3 center = placed_at(middle, *d.patch);
+    const double radius = d.half.norm() + (carrying_ ? d.patch->turn * carrying_->centre.norm() : 0.0);
     for (std::size_t i = 0; i < m_.legs.size(); ++i) {
       const machine::ParallelLeg& leg = m_.legs[i];
       const int drive = static_cast<int>(i);
@@ -207,9 +230,41 @@ class ParallelLimits {
   [[nodiscard]] Pose target_at(const Vec3& center, const Patch& patch) const {
     if (m_.task.places()) {
       const bool whole = m_.task.names_axis() || m_.task.size() == 6;
-      return {whole ? patch.R : rotation_abc(angle_of(patch, 3), angle_of(patch, 4), 0), center};
+      return {whole ? patch.R : rotation_abc(angle_of(patch, 3), angle_of(patch, 4), 0), placed_at(center, patch)};
     }
     return kinematics::pose_of(m_.task, {center[0], center[1], center[2]});
+  }
+
+  /// Where the tool tip is at a point of the box, in the middle of the patch.
+  [[nodiscard]] Vec3 placed_at(const Vec3& p, const Patch& patch) const {
+    return carrying_ ? carrying_->X_BM * Vec3(p + patch.R * carrying_->centre) : p;
+  }
+  /// The coordinate i of the box over the domain.
+  [[nodiscard]] DomainNumber placed(int i, const Vec3& center, const Domain& d) const {
+    const auto at = [&](int k) { return DomainNumber(variable(center[k], static_cast<std::size_t>(k)), &d); };
+    if (!carrying_) return at(i);
+    const Matrix3<DomainNumber> R = patched(d);
+    DomainNumber out(carrying_->X_BM.p[i]);
+    for (int k = 0; k < 3; ++k) {
+      DomainNumber p = at(k);
+      for (int l = 0; l < 3; ++l) p += R(k, l) * DomainNumber(carrying_->centre[l]);
+      out += DomainNumber(carrying_->X_BM.R(i, k)) * p;
+    }
+    return out;
+  }
+  /// The orientations of the patch.
+  [[nodiscard]] static Matrix3<DomainNumber> patched(const Domain& d) {
+    const Patch& patch = *d.patch;
+    const Mat3 by1 = skew(patch.omega1) * patch.R, by2 = skew(patch.omega2) * patch.R;
+    Matrix3<DomainNumber> R;
+    for (int i = 0; i < 3; ++i)
+      for (int k = 0; k < 3; ++k) {
+        FirstOrder f(patch.R(i, k));
+        f.gradient = {0, 0, 0, by1(i, k), by2(i, k)};
+        f.rest = patch.bend;
+        R(i, k) = DomainNumber(f, &d);
+      }
+    return R;
   }
 
   [[nodiscard]] int box_index(int coordinate) const {
@@ -278,7 +333,7 @@ class ParallelLimits {
         tube[k] = Tangent<Interval>(Interval(u0[k] - reach, u0[k] + reach));
         tube[k].by[k] = Interval(1.0);
       }
-      const auto F_tube = passive<Tangent<Interval>>(pose_over(center, d, tube, middle), p_tangent_);
+      const auto F_tube = passive<Tangent<Interval>>(pose_within(center, d, tube, middle), p_tangent_);
       const Eigen::MatrixXd away = distance_from_one(Y, F_tube, columns);
       if (!away.allFinite()) return false;
       const Eigen::VectorXd needed = e + away * r;
@@ -328,22 +383,11 @@ class ParallelLimits {
     return pose_from<T>(
         u, middle,
         [&](int k) -> T {
-          if (const int i = box_index(k); i >= 0) return {variable(center[i], static_cast<std::size_t>(i)), &d};
+          if (const int i = box_index(k); i >= 0) return placed(i, center, d);
           if (k == 5 || patch.sector) return {angle_of(patch, 5)};
           return {variable(angle_of(patch, k), static_cast<std::size_t>(k)), &d};
         },
-        [&] {
-          const Mat3 by1 = skew(patch.omega1) * patch.R, by2 = skew(patch.omega2) * patch.R;
-          Matrix3<T> R;
-          for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < 3; ++k) {
-              FirstOrder f(patch.R(i, k));
-              f.gradient = {0, 0, 0, by1(i, k), by2(i, k)};
-              f.rest = patch.bend;
-              R(i, k) = T(f, &d);
-            }
-          return R;
-        });
+        [&] { return patched(d); });
   }
 
   /// The pose at the middle of the domain.
@@ -353,7 +397,7 @@ class ParallelLimits {
         u, middle,
         [&](int k) {
           const int i = box_index(k);
-          return T(i >= 0 ? center[i] : angle_of(*d.patch, k));
+          return T(i < 0 ? angle_of(*d.patch, k) : carrying_ ? placed_at(center, *d.patch)[i] : center[i]);
         },
         [&] {
           Matrix3<T> R;
@@ -362,14 +406,18 @@ class ParallelLimits {
         });
   }
   /// All poses of the domain, as intervals.
-  PoseT<Tangent<Interval>> pose_over(const Vec3& center, const Domain& d, const std::array<Tangent<Interval>, 5>& u,
-                                     const Mat3& middle) const {
+  PoseT<Tangent<Interval>> pose_within(const Vec3& center, const Domain& d, const std::array<Tangent<Interval>, 5>& u,
+                                       const Mat3& middle) const {
     using T = Tangent<Interval>;
     const auto within = [](double value, double half) { return T(Interval(value - half, value + half)); };
     return pose_from<T>(
         u, middle,
         [&](int k) {
           const int i = box_index(k);
+          if (i >= 0 && carrying_) {
+            const DomainNumber all = placed(i, center, d);
+            return within(all.first_order().value, all.radius());
+          }
           if (i >= 0) return within(center[i], d.half[i]);
           const Patch& patch = *d.patch;
           return within(angle_of(patch, k), k < 5 ? 0.5 * (patch.high[k - 3] - patch.low[k - 3]) : 0.0);
@@ -527,6 +575,7 @@ class ParallelLimits {
 
   const machine::Parallel& m_;
   LimitBits mask_;
+  std::optional<Carrying> carrying_;
   std::vector<double> p_;
   std::vector<Interval> p_interval_;
   std::vector<DomainNumber> p_domain_;

@@ -37,6 +37,14 @@ class WristOnModule {
   /// A free joint 1 takes the value `first`, rad.
   [[nodiscard]] Found solve(const Stages& m, const Pose& X_MT, double first) const;
 
+  /// A module of legs with its tool tip at W; none of another kind.
+  [[nodiscard]] const std::optional<Parallel>& placing() const { return placing_; }
+  [[nodiscard]] const Vec3& centre_in_module() const { return v_; }
+  [[nodiscard]] const Vec3& centre_in_tool() const { return W_T_; }
+  /// The axes of the wrist at joints 0, in its {M}; R_0 is the tool's orientation there.
+  [[nodiscard]] const std::vector<Vec3>& axes() const { return u_; }
+  [[nodiscard]] const Mat3& tool_at_zero() const { return R_0_; }
+
  private:
   [[nodiscard]] std::optional<Pose> module_at(const Stages& m, const Vec3& c) const;
 
