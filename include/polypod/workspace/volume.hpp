@@ -122,7 +122,7 @@ struct Volume {
 /// on the rail, direction by direction. Serial arms: the closed wrist inverse on interval derivatives; a point counts
 /// where for each direction some branch keeps the limits.
 ///
-/// Machines without bounds (arms without a spherical wrist, stages), or whose bounds would take too many boxes (arms
+/// Machines without bounds (arms without a spherical wrist, stages whose inverse is a search), or whose bounds would take too many boxes (arms
 /// with six joints: 1.2e6 for one direction, 1.5e5 for more; legs whose coordinates follow: 4e5, and 5e4 of a cone):
 /// sampled_volume(), which proves nothing.
 /// Bounds hold up to rounding (allowed for with 1e-12 of each limit). The same result for any number of threads.
