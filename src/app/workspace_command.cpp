@@ -277,22 +277,43 @@ Status refuse_beside_contains(const Context& context) {
 Result<int> contains(const machine::AnyMachine& m, const workspace::Options& options, const std::string& text,
                      const Context& context) {
   POLYPOD_ASSIGN(n, numbers_of(text, "--contains"));
-  if (n.size() != 6) return fail("AP152", fmt::format("--contains {}: not six numbers", text));
-  for (double& x : n) x = units::from_mm(x);
-  const Vec3 low(n[0], n[1], n[2]), high(n[3], n[4], n[5]);
+  const machine::Task task = kinematics::task(m);
+  const int count = workspace::coordinates_of_points(task);
+  if (n.size() != 2 * static_cast<std::size_t>(count)) {
+    std::string corner;
+    for (int k = 0; k < count; ++k) corner += (k > 0 ? "," : "") + workspace::coordinate_name(task, k);
+    return fail(
+        "AP152",
+        fmt::format("--contains {}: not {} numbers", text, task.places() ? "six" : fmt::format("{}", 2 * count)), {},
+        fmt::format("write {} of the lower corner, then of the upper one", corner));
+  }
+  Vec3 low = Vec3::Constant(-workspace::kAcross), high = -low;
+  for (int k = 0; k < count; ++k) {
+    low[k] = units::from_user(n[static_cast<std::size_t>(k)], workspace::unit_of(task, k));
+    high[k] = units::from_user(n[static_cast<std::size_t>(count + k)], workspace::unit_of(task, k));
+  }
   if (!((high - low).minCoeff() > 0)) {
     return fail("AP152", fmt::format("--contains {}: the first corner must lie below the second", text));
   }
+  POLYPOD_TRY(workspace::near_home(m, low, high));
   const workspace::Shape box{workspace::ShapeKind::box, 0.5 * (low + high), 0.5 * (high - low)};
   POLYPOD_ASSIGN(held, workspace::certainly_holds(m, options, box));
   const auto missed = held ? std::nullopt : workspace::missed_in(m, options, box);
-  const std::vector<double> pose = missed ? whole_pose_for_user(missed->pose) : std::vector<double>{};
+  const std::vector<double> pose = !missed         ? std::vector<double>{}
+                                   : task.places() ? whole_pose_for_user(missed->pose)
+                                                   : pose_for_user(m, missed->pose);
   if (context.json) {
     Json document{{"certainly_inside", held}};
     if (missed) document["not_reached"] = {{"pose", pose}, {"reason", missed->reason}};
     print_json(document);
   } else if (held) {
     fmt::print("certainly inside\n");
+  } else if (missed && !task.places()) {
+    std::string at;
+    for (int k = 0; k < count; ++k)
+      at += fmt::format("{}{} {:.7g} {}", k > 0 ? ", " : "", workspace::coordinate_name(task, k),
+                        pose[static_cast<std::size_t>(k)], workspace::unit_of(task, k));
+    fmt::print("not wholly inside: {} is out of reach: {}\n", at, missed->reason);
   } else if (missed) {
     fmt::print(
         "not wholly inside: x {:.9g}, y {:.9g}, z {:.9g} mm with A {:.7g}, B {:.7g}, C {:.7g} deg is out of "
@@ -335,8 +356,8 @@ bool turns_alone(const machine::Task& task) {
 Result<int> in_coordinates(const machine::AnyMachine& m, const workspace::Options& options, const WorkspaceFiles& files,
                            const std::string& machine_name, const std::vector<std::string>& sets,
                            const Context& context) {
-  POLYPOD_TRY(refuse(context, {"--contains", "--largest", "--stl", "--vtp", "--vti"},
-                     "it serves machines whose task holds x, y and z"));
+  POLYPOD_TRY(
+      refuse(context, {"--largest", "--stl", "--vtp", "--vti"}, "it serves machines whose task holds x, y and z"));
   POLYPOD_TRY(files.refuse_unused(context));
   POLYPOD_TRY(files.check(machine_name, context));
   workspace::Options of_region = options;
@@ -418,14 +439,16 @@ Command workspace_command() {
             declare_machine(a, o->machine, o->sets);
             o->workspace.declare(a);
             a.option("--largest", o->largest, "box, cylinder or ellipsoid: a largest one that is certainly inside");
-            a.option("--contains", o->contains, "x0,y0,z0,x1,y1,z1: is this box certainly inside? (mm)");
+            a.option("--contains", o->contains,
+                     "x0,y0,z0,x1,y1,z1: is this box certainly inside? (mm; of a task without x, y, z its own "
+                     "coordinates, mm and deg)");
             o->files.declare(a);
           },
           [o](const Context& context) -> Result<int> {
             POLYPOD_ASSIGN(m, machine_of(o->machine, o->sets));
             POLYPOD_ASSIGN(options, o->workspace.options(m, context));
             const SingularNote singular(m, context);
-            if (!kinematics::task(m).places()) {
+            if (!kinematics::task(m).places() && o->contains.empty()) {
               return in_coordinates(m, options, o->files, o->machine, o->sets, context);
             }
             POLYPOD_TRY(o->files.refuse_unused(context));

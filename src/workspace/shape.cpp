@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/workspace/shape.hpp"
+#include "polypod/workspace/task_directions.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -117,7 +118,8 @@ std::optional<Missed> missed_in(const AnyMachine& machine, const Options& option
   for (const Mat3& R : sampled_orientations(options.directions)) {
     for (const Vec3& p : points) {
       if (reaches_samples(machine, options, {R}, p)) continue;
-      return Missed{{R, p}, reason(kinematics::inverse(machine, Pose{R, p}))};
+      const Pose X = pose_at(kinematics::task(machine), R, p);
+      return Missed{X, reason(kinematics::inverse(machine, X))};
     }
   }
   return std::nullopt;
