@@ -32,6 +32,9 @@ const char* hint_for(machining::MadeFor::Other other) {
       return "post it at that place, or correct the program of the CAM system for this one";
     case Other::cutter:
       return "give the job of the correction, or correct the program of the CAM system with this cutter";
+    case Other::material:
+    case Other::stock:
+      return "give the job of the correction, or correct the program of the CAM system for this one";
     case Other::compliance:
       return "give the job and the machine file of the correction, or correct the program of the CAM system with these";
     case Other::none:

@@ -16,20 +16,23 @@ bool holds(std::string_view text, std::string_view part) {
   return text.find(part) != std::string_view::npos;
 }
 
+/// What follows "Polypod: " and `what` in a comment.
+std::string_view behind_ours(std::string_view text, std::string_view what) {
+  const std::size_t at = text.find(kOurs);
+  if (at == std::string_view::npos || !text.substr(at + kOurs.size()).starts_with(what)) return {};
+  return text.substr(at + kOurs.size() + what.size());
+}
+
 /// "Polypod: posture front elbow-up, tool held at C 30 deg", or either of the two.
 void read_hold(std::string_view text, CorrectionHeader& out) {
   constexpr std::string_view kComma = ", ";
-  const auto behind_ours = [&](std::string_view what) {
-    const std::size_t at = text.find(kOurs);
-    return at != std::string_view::npos && text.substr(at + kOurs.size()).starts_with(what);
-  };
   const std::size_t held = text.find(kHeldText);
-  const bool posture = behind_ours(kPostureText);
+  const bool posture = !behind_ours(text, kPostureText).empty();
   if (posture) {
     const std::size_t begin = text.find(kOurs) + kOurs.size() + kPostureText.size();
     out.posture = text.substr(begin, held == std::string_view::npos ? held : held - kComma.size() - begin);
   }
-  if (held == std::string_view::npos || (!posture && !behind_ours(kHeldText))) return;
+  if (held == std::string_view::npos || (!posture && behind_ours(text, kHeldText).empty())) return;
   const char* number = text.data() + held + kHeldText.size();
   double deg = 0;
   const auto [end, code] = std::from_chars(number, text.data() + text.size(), deg);
@@ -67,6 +70,8 @@ std::optional<CorrectionHeader> correction_header(const std::vector<Remark>& rem
     }
     if (holds(text, kDeflectText) && out->compliance.empty()) out->compliance = text;
     if (holds(text, kJointsText) && out->joints.empty()) out->joints = text;
+    if (out->material.empty()) out->material = behind_ours(text, kMaterialText);
+    if (out->stock.empty()) out->stock = behind_ours(text, kStockText);
     read_hold(text, *out);
   }
   return out;

@@ -156,6 +156,8 @@ std::vector<std::string> Corrector::header_lines() const {
   header.push_back(changed > 0
                        ? fmt::format("Polypod: {} of {} moves rewritten, do not correct again", changed, moves_.size())
                        : fmt::format("Polypod: nothing was corrected, {} moves are as they were", moves_.size()));
+  header.push_back(fmt::format("Polypod: {}{}", gcode::kMaterialText, material_in_words(job_.material)));
+  header.push_back(fmt::format("Polypod: {}{}", gcode::kStockText, stock_in_words(job_.stock)));
   if (const std::string hold = hold_in_words(); !hold.empty()) header.push_back("Polypod: " + hold);
   if (!out_.before.moves.empty()) {
     const gcode::Move& first = moves_[static_cast<std::size_t>(out_.before.moves.front().move)];

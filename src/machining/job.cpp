@@ -283,6 +283,28 @@ std::string cutter_in_words(const cutting::Cutter& c) {
   return fmt::format("{} {:g} mm{} with {} teeth", kind, units::to_mm(c.diameter), corner, c.teeth);
 }
 
+std::string material_in_words(const cutting::Material& m) {
+  const auto six = [](const auto& k) {
+    const auto mm2 = [](double x) { return gcode::number(units::to_N_per_mm2(x), 2); };
+    const auto mm = [](double x) { return gcode::number(units::to_N_per_mm(x), 3); };
+    return fmt::format("Ktc {} Krc {} Kac {} N/mm2, Kte {} Kre {} Kae {} N/mm", mm2(k.ktc), mm2(k.krc), mm2(k.kac),
+                       mm(k.kte), mm(k.kre), mm(k.kae));
+  };
+  std::string out = six(m);
+  if (m.exponent != 1) out += fmt::format(", exponent {:g}", m.exponent);
+  if (m.end) out += ", of the end " + six(*m.end);
+  return out;
+}
+
+std::string stock_in_words(const cutting::Stock& stock) {
+  const auto corner = [](const Vec3& p) {
+    const auto mm = [](double x) { return gcode::number(units::to_mm(x), 3); };
+    return fmt::format("X{} Y{} Z{}", mm(p.x()), mm(p.y()), mm(p.z()));
+  };
+  return fmt::format("{} to {} mm, {:.4g} cm3", corner(stock.min()), corner(stock.max()),
+                     1e-3 * units::to_mm3(stock.volume()));
+}
+
 std::string place_in_words(const Pose& X_MW) {
   constexpr int kDecimals = 4;
   const auto mm = [](double x) { return gcode::number(units::to_mm(x), kDecimals); };

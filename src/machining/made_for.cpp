@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <charconv>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -35,6 +37,45 @@ std::string other_cutter(const gcode::CorrectionHeader& header, const Job& job) 
   return fmt::format("the program was corrected for {}, the job has {}", left.substr(0, left.size() - 2),
                      fmt::join(own, "; "));
 }
+
+/// The numbers in a text, in their order.
+std::vector<double> numbers_in(std::string_view text) {
+  std::vector<double> out;
+  for (std::size_t at = text.find_first_of("-0123456789"); at != std::string_view::npos;) {
+    double value = 0;
+    const auto [end, code] = std::from_chars(text.data() + at, text.data() + text.size(), value);
+    if (code == std::errc{}) out.push_back(value);
+    at = text.find_first_of("-0123456789", code == std::errc{} ? static_cast<std::size_t>(end - text.data()) : at + 1);
+  }
+  return out;
+}
+
+/// Likewise of the material: forces that differ by a hundredth are the same.
+std::string other_material(const gcode::CorrectionHeader& header, const Job& job) {
+  if (!header.corrected || !job.cuts || header.material.empty()) return {};
+  const std::string own = material_in_words(job.material);
+  const std::vector<double> was = numbers_in(header.material), is = numbers_in(own);
+  constexpr double kShare = 0.01, kLeast = 0.005;  // of a coefficient, and in its unit
+  bool same = was.size() == is.size();
+  for (std::size_t k = 0; same && k < is.size(); ++k)
+    same = std::abs(was[k] - is[k]) <= kShare * std::abs(is[k]) + kLeast;
+  if (same) return {};
+  return fmt::format("the program was corrected for a material with {}, the job has one with {}", header.material, own);
+}
+
+/// Likewise of the stock: cells of another size round it.
+std::string other_stock(const gcode::CorrectionHeader& header, const Job& job) {
+  if (!header.corrected || !job.cuts || header.stock.empty()) return {};
+  const std::string own = stock_in_words(job.stock);
+  const std::vector<double> was = numbers_in(header.stock), is = numbers_in(own);
+  constexpr double kSide = 0.2, kVolume = 0.01;  // mm, a share
+  bool same = was.size() == is.size();
+  for (std::size_t k = 0; same && k < is.size(); ++k) {
+    same = std::abs(was[k] - is[k]) <= (k < 6 ? kSide : kVolume * is[k]);
+  }
+  return same ? ""
+              : fmt::format("the program was corrected in a stock from {}, the job has one from {}", header.stock, own);
+}
 }  // namespace
 
 MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
@@ -56,6 +97,9 @@ MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
             false};
   }
   if (const std::string other = other_cutter(header, given); !other.empty()) return {Other::cutter, other, {}, false};
+  if (const std::string other = other_material(header, given); !other.empty())
+    return {Other::material, other, {}, false};
+  if (const std::string other = other_stock(header, given); !other.empty()) return {Other::stock, other, {}, false};
   const auto mark = ComplianceMark::from(header.compliance);
   if (!mark) return {};  // before headers said it
   if (!statics::has_compliance(given.machine)) {

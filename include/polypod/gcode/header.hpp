@@ -20,6 +20,8 @@ inline constexpr std::string_view kOriginText = "origin X";
 inline constexpr std::string_view kDeflectText = " 100 N along X, Y, Z deflect the tool by ";
 /// Before the joints at that place.
 inline constexpr std::string_view kJointsText = "the joints there are ";
+/// What is cut.
+inline constexpr std::string_view kMaterialText = "material ", kStockText = "stock ";
 /// How the tool is held.
 inline constexpr std::string_view kPostureText = "posture ", kHeldText = "tool held at C ";
 
@@ -30,6 +32,8 @@ struct CorrectionHeader {
   std::string machine;
   std::string origin;       ///< "X-50 Y-1335 Z0 mm", ", turned by 30 deg about z"; empty where the header has none
   std::string cutters;      ///< "cutter 8 mm with 3 teeth, ", one after the other; empty where the header has none
+  std::string material;     ///< "Ktc 1027.78 Krc ..."; empty where the header has none
+  std::string stock;        ///< "X-5 Y-5 Z-20 to X105 Y65 Z0 mm, 154 cm3"; empty where the header has none
   std::string posture;      ///< the name of the branch; empty where the header has none
   std::optional<double> c;  ///< rad, the rotation about the tool axis; empty where the header has none
   std::string compliance;   ///< its line with what 100 N do to the tool; empty where the header has none

@@ -130,6 +130,12 @@ std::string place_in_words(const Pose& X_MW);
 /// "bull nose 8 mm, corner radius 1.5 mm, with 2 teeth", as headers of corrected programs have it.
 std::string cutter_in_words(const cutting::Cutter& cutter);
 
+/// "Ktc 1027.78 Krc 182.03 Kac 64.5 N/mm2, Kte 13.65 Kre 27.95 Kae 2.21 N/mm", and the exponent and the coefficients of
+/// the end where there are some.
+std::string material_in_words(const cutting::Material& material);
+/// "X-5 Y-5 Z-20 to X105 Y65 Z0 mm, 154 cm3".
+std::string stock_in_words(const cutting::Stock& stock);
+
 /// Error: MC309 for a machine whose task does not hold x, y and z.
 Status follows_programs(const machine::AnyMachine& machine);
 

@@ -11,15 +11,15 @@
 namespace polypod::machining {
 
 struct MadeFor {
-  enum class Other : std::uint8_t { none, machine, unknown_place, place, cutter, compliance };
+  enum class Other : std::uint8_t { none, machine, unknown_place, place, cutter, material, stock, compliance };
   Other other = Other::none;
   std::string message;     ///< what is other; empty where nothing is
   std::string not_judged;  ///< why that is not known of the compliances; else empty
   bool unreached = false;  ///< the machine does not hold its tool so where the first cut begins: nothing was compared
 };
 
-/// What the header says beside the job: the name of the machine, the place of the workpiece, the cutters where the job
-/// has some, and what 100 N do to the
+/// What the header says beside the job: the name of the machine, the place of the workpiece, the cutters, the
+/// coefficients and the stock (within 0.2 mm and 1 % of its volume) where the job has them, and what 100 N do to the
 /// tool where the first cut begins (ComplianceMark::same, in the header's posture and with its joints). Of a program
 /// that was looked at for another machine or place nothing is other: what it cuts is as the CAM system wrote it.
 MadeFor made_for(const gcode::CorrectionHeader& header, const Job& job);
