@@ -21,6 +21,7 @@
 #include "polypod/kinematics/surplus.hpp"
 #include "polypod/machining/accept.hpp"
 #include "polypod/machining/check.hpp"
+#include "polypod/machining/compliance_mark.hpp"
 #include "polypod/machining/made_for.hpp"
 #include "polypod/machining/place.hpp"
 #include "polypod/machining/tilted.hpp"
@@ -212,10 +213,21 @@ Status look_at_postures(Judged& judged, const gcode::Understood* other, const ma
 }
 
 /// Of a program that `correct` wrote or looked at: what of this job is other than that for which it did.
-std::string correction_note(const gcode::Program& program, const machining::Job& job) {
+std::string correction_note(const gcode::Program& program, const gcode::Interpretation& run,
+                            const machining::Job& job) {
   const auto header = gcode::correction_header(program);
   if (!header) return {};
-  const machining::MadeFor made = machining::made_for(*header, job);
+  std::vector<Vec3> stands;
+  for (const gcode::Move& move : run.moves) {
+    stands.push_back(move.start);
+    stands.push_back(move.end);
+  }
+  const machining::MadeFor made = machining::made_for(*header, job, stands);
+  if (machining::speaks_of(*header, job) && !header->posture.empty() && !job.posture.empty() &&
+      header->posture != job.posture) {
+    return fmt::format("line {}: the program was {} for the posture {}; judged in {}, in which `post` refuses it",
+                       header->line, header->was(), header->posture, job.posture);
+  }
   if (!made.message.empty()) {
     return fmt::format("line {}: {}; its moves are judged as they are written, not the correction", header->line,
                        made.message);
@@ -226,6 +238,22 @@ std::string correction_note(const gcode::Program& program, const machining::Job&
       "line {}: the program was {} for a machine that comes to its first cut{}; this one does not: its "
       "moves are judged as they are written, not the correction",
       header->line, header->was(), header->posture.empty() ? "" : fmt::format(" in the posture {}", header->posture));
+}
+
+/// A program that `correct` wrote for this machine and place is judged as `post` writes it: in the posture of the
+/// correction, where the job names none, and with the joints of its first cut, where the pose leaves one free. Whether
+/// a posture was taken.
+bool take_hold_of_correction(const gcode::Program& source, machining::Job& job, machining::CheckOptions& options) {
+  const auto header = gcode::correction_header(source);
+  if (!header || !machining::speaks_of(*header, job)) return false;
+  const machine::JointVector joints = machining::ComplianceMark::joints_from(header->joints, job.machine);
+  if (joints.size() > 0) {
+    job.start_joints.assign(joints.begin(), joints.end());
+    options.start = job.start_joints;
+  }
+  if (header->posture.empty() || !job.posture.empty()) return false;
+  options.branch = job.posture = header->posture;
+  return true;
 }
 
 }  // namespace
@@ -287,6 +315,7 @@ Command check_command() {
           body_notes = std::move(told);
         }
         POLYPOD_ASSIGN(source, gcode::read(o->program));
+        const bool as_corrected = o->branch.empty() && take_hold_of_correction(source, job, options);
         const bool optional = machining::has_optional_blocks(source);
         POLYPOD_ASSIGN(judged, optional ? judge(source, job, options) : judge(std::move(source), job, options));
         const gcode::Program& program = judged.understood.program;
@@ -306,7 +335,8 @@ Command check_command() {
           result.notes.push_back(
               "the pose leaves a joint free: one choice, the nearest to the joints before, was judged");
         }
-        if (const std::string note = correction_note(program, job); !note.empty()) result.notes.push_back(note);
+        if (const std::string note = correction_note(program, interpretation, job); !note.empty())
+          result.notes.push_back(note);
         if (!o->job.empty() && job.cuts && !interpretation.moves.empty() && !machining::may_cut(job, interpretation)) {
           const Error why = machining::cuts_nothing(job, program, interpretation);
           result.notes.push_back(
@@ -377,7 +407,9 @@ Command check_command() {
           }
           if (!posture.empty()) {
             fmt::print("posture {}{}\n", posture,
-                       job.posture.empty() ? ", the first within the limits at the start" : "");
+                       as_corrected          ? ", that of the correction"
+                       : job.posture.empty() ? ", the first within the limits at the start"
+                                             : "");
           }
           fmt::print("time {:.1f} s (G0 at {:g} mm/min, no acceleration{}), path length {:.1f} mm\n", result.time,
                      o->rapid, dwells > 0 ? fmt::format(", without {:g} s of dwells", dwells) : "",

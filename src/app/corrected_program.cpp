@@ -32,6 +32,8 @@ const char* hint_for(machining::MadeFor::Other other) {
       return "post it at that place, or correct the program of the CAM system for this one";
     case Other::cutter:
       return "give the job of the correction, or correct the program of the CAM system with this cutter";
+    case Other::offsets:
+      return "give the job of the correction (`work_offsets_mm`), or correct the program of the CAM system with these";
     case Other::material:
     case Other::stock:
       return "give the job of the correction, or correct the program of the CAM system for this one";
@@ -50,7 +52,10 @@ Result<CorrectedProgram> CorrectedProgram::of(const post::Path& path, const mach
   CorrectedProgram out(path, given, job);
   out.header_ = post::correction_header(path);
   if (!out.header_) return out;
-  machining::MadeFor made = machining::made_for(*out.header_, given);
+  std::vector<Vec3> stands;
+  for (const post::Step& step : path.steps)
+    if (step.moves()) stands.push_back(given.X_MW.inverse() * (job.X_MW * step.tip));
+  machining::MadeFor made = machining::made_for(*out.header_, given, stands);
   if (made.other != machining::MadeFor::Other::none)
     return fail("PO125", std::move(made.message), Place{path.file, out.header_->line, 1}, hint_for(made.other));
   out.not_judged_ = std::move(made.not_judged);
@@ -124,8 +129,9 @@ std::optional<Error> CorrectedProgram::other_joints(const post::Plan& plan) cons
   }
   if (nearest == nullptr) return {};
   const machine::JointVector& is = nearest->joints;
-  const std::optional<Vec3> here = machining::deflections_at(given_, *mark, is);
+  const std::optional<machining::DeflectedBy100N> here = machining::deflections_at(given_, *mark, is);
   if (!here || mark->same(*here)) return {};  // out of reach there: the plan says so
+  const machining::DeflectedBy100N there{mark->deflection, mark->across};
   Eigen::Index joint = 0;
   (is - was).cwiseAbs().maxCoeff(&joint);
   const bool turns = kinematics::joint_kind(job_.machine, static_cast<int>(joint)) == machine::JointKind::revolute;
@@ -133,9 +139,8 @@ std::optional<Error> CorrectedProgram::other_joints(const post::Plan& plan) cons
   return not_as_corrected(
       fmt::format("the program was {} with joint {} at {:.1f} {} where the first cut begins, and 100 N along X, Y, Z "
                   "deflect the tool by {}; here the joint comes there at {:.1f} {}, and they deflect it by {}",
-                  header_->was(), joint + 1, user(was[joint]), turns ? "deg" : "mm",
-                  machining::um_in_words(mark->deflection), user(is[joint]), turns ? "deg" : "mm",
-                  machining::um_in_words(*here)),
+                  header_->was(), joint + 1, user(was[joint]), turns ? "deg" : "mm", mark->in_words(there, *here),
+                  user(is[joint]), turns ? "deg" : "mm", mark->in_words(*here, there)),
       "post it with the start joints of the correction, or correct the program of the CAM system with these "
       "(`start_joints` of the job)");
 }

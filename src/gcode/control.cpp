@@ -403,14 +403,17 @@ Status Engine::skip_to(const std::string& label, std::initializer_list<std::stri
     if (ends_file(blocks[at].text)) break;
     if (computes_label(blocks[at].text)) POLYPOD_TRY(read_passed(blocks[at]));
     const auto word = o_word(blocks[at].text);
-    // LinuxCNC reads `continue` of a loop that repeats also where it passes it by.
-    if (word && word->second == "continue" &&
+    // LinuxCNC reads `continue` and `break` of a loop that repeats also where it passes them by, and those of the `if`
+    // that it looks for the end of.
+    if (word && (word->second == "continue" || word->second == "break") &&
         (word->first == label || repeats_left_.contains({frame().name, word->first}))) {
-      const auto loop = frame().labels.find(word->first);
-      if (loop != frame().labels.end() && loop->second.keyword == "repeat") {
+      const auto known = frame().labels.find(word->first);
+      const std::string_view of = known != frame().labels.end() ? std::string_view(known->second.keyword) : "";
+      if (of == "repeat" || (of == "if" && word->first == label)) {
         other_ = blocks[at];
         written_block_ = block_ = &other_;
-        return error(1, "GC163", fmt::format("'continue' of {} within 'repeat'", shown(word->first)), kRepeatHint);
+        return error(1, "GC163", fmt::format("'{}' of {} within '{}'", word->second, shown(word->first), of),
+                     kRepeatHint);
       }
     }
     if (!word || word->first != label) continue;

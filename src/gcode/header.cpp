@@ -70,6 +70,7 @@ std::optional<CorrectionHeader> correction_header(const std::vector<Remark>& rem
     }
     if (holds(text, kDeflectText) && out->compliance.empty()) out->compliance = text;
     if (holds(text, kJointsText) && out->joints.empty()) out->joints = text;
+    out->measured = out->measured || !behind_ours(text, kMeasuredText).empty();
     if (out->material.empty()) out->material = behind_ours(text, kMaterialText);
     if (out->stock.empty()) out->stock = behind_ours(text, kStockText);
     read_hold(text, *out);

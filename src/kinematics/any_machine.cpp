@@ -1,5 +1,6 @@
 // Copyright (c) 2026 the Polypod authors. SPDX-License-Identifier: BSD-3-Clause
 #include "polypod/kinematics/any_machine.hpp"
+#include "../families/turns.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -248,8 +249,16 @@ InverseResult inverse_near(const AnyMachine& machine, const Pose& X_MT, const Jo
   if (out.reachable() == nullptr) out = inverse(machine, X_MT);
   if (out.solutions.empty()) return out;
   constexpr double kTurn = 2 * std::numbers::pi;
+  const auto alone = [&](int joint) {
+    return std::visit(
+        [&](const auto& m) {
+          if constexpr (requires { turns_alone(m, joint); }) return turns_alone(m, joint);
+          return true;
+        },
+        machine);
+  };
   for (int i = 0; i < static_cast<int>(last.size()); ++i) {
-    if (joint_kind(machine, i) != JointKind::revolute) continue;
+    if (joint_kind(machine, i) != JointKind::revolute || !alone(i)) continue;
     const machine::JointRange range = joint_range(machine, i);
     for (Solution& s : out.solutions) {
       const double away = last[i] - s.joints[i];

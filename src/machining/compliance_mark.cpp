@@ -18,6 +18,7 @@ namespace polypod::machining {
 namespace {
 
 constexpr double kForce = 100;  // N
+constexpr std::string_view kAcross = ", across by ";
 constexpr int kPlaceDigits = 3, kAngleDigits = 4, kDeflectionDigits = 2;
 
 /// The numbers of a text behind each of these, in their order; empty where one is missing.
@@ -42,9 +43,11 @@ std::string ComplianceMark::in_words() const {
   const auto mm = [](double x) { return gcode::number(units::to_mm(x), kPlaceDigits); };
   const auto deg = [](double x) { return gcode::number(units::to_deg(x), kAngleDigits); };
   const auto um = [](double x) { return gcode::number(units::to_um(x), kDeflectionDigits); };
-  return fmt::format("at X{} Y{} Z{} A{} B{} C{}{}{}, {}, {} um", mm(p.x()), mm(p.y()), mm(p.z()), deg(axes.x()),
+  const std::string aside =
+      across ? fmt::format("{}{}, {}, {} um", kAcross, um(across->x()), um(across->y()), um(across->z())) : "";
+  return fmt::format("at X{} Y{} Z{} A{} B{} C{}{}{}, {}, {} um{}", mm(p.x()), mm(p.y()), mm(p.z()), deg(axes.x()),
                      deg(axes.y()), deg(axes.z()), gcode::kDeflectText, um(deflection.x()), um(deflection.y()),
-                     um(deflection.z()));
+                     um(deflection.z()), aside);
 }
 
 std::optional<ComplianceMark> ComplianceMark::from(std::string_view text) {
@@ -58,12 +61,27 @@ std::optional<ComplianceMark> ComplianceMark::from(std::string_view text) {
     out.axes[i] = units::from_deg(v[3 + k]);
     out.deflection[i] = units::from_um(v[6 + k]);
   }
+  if (const std::size_t at = text.find(kAcross); at != std::string_view::npos) {
+    if (const auto aside = numbers_behind<3>(text.substr(at), {kAcross, ", ", ", "}))
+      out.across = Vec3(units::from_um((*aside)[0]), units::from_um((*aside)[1]), units::from_um((*aside)[2]));
+  }
   return out;
 }
 
-bool ComplianceMark::same(const Vec3& other) const {
+bool ComplianceMark::same(const DeflectedBy100N& other) const {
   constexpr double kShare = 0.01, kWritten = 0.01e-6;  // m, of two digits
-  return (other - deflection).cwiseAbs().maxCoeff() <= kShare * deflection.maxCoeff() + kWritten;
+  const double most = kShare * deflection.maxCoeff() + kWritten;
+  if ((other.along - deflection).cwiseAbs().maxCoeff() > most) return false;
+  return !across || !other.across || (*other.across - *across).cwiseAbs().maxCoeff() <= most;
+}
+
+std::string ComplianceMark::in_words(const DeflectedBy100N& of, const DeflectedBy100N& beside) const {
+  const bool aside = of.across && beside.across && same({beside.along, {}}) && same({of.along, {}});
+  return um_in_words(of.along) + (aside ? " and across by " + um_in_words(*of.across) : "");
+}
+
+std::string um_in_words(const Vec3& d) {
+  return fmt::format("{:.2f}, {:.2f}, {:.2f} um", units::to_um(d.x()), units::to_um(d.y()), units::to_um(d.z()));
 }
 
 std::string ComplianceMark::joints_in_words(const machine::AnyMachine& machine) const {
@@ -102,7 +120,8 @@ Pose pose_of(const Job& job, const ComplianceMark& mark) {
   return {tool_orientation(job, mark.axes), job.X_MW * mark.p};
 }
 
-std::optional<Vec3> deflections_at(const Job& job, const ComplianceMark& mark, const machine::JointVector& near) {
+std::optional<DeflectedBy100N> deflections_at(const Job& job, const ComplianceMark& mark,
+                                              const machine::JointVector& near) {
   if (!statics::has_compliance(job.machine)) return {};
   const Pose X_MT = pose_of(job, mark);
   std::optional<machine::JointVector> q;
@@ -117,7 +136,8 @@ std::optional<Vec3> deflections_at(const Job& job, const ComplianceMark& mark, c
   const std::vector<double> compliances = statics::column_compliances(job.machine);
   Mat3 C = Mat3::Zero();
   for (std::size_t k = 0; k < unit.size(); ++k) C += compliances[k] * unit[k];
-  return Vec3(kForce * (job.X_MW.R.transpose() * C * job.X_MW.R).diagonal());
+  const Mat3 D = kForce * (job.X_MW.R.transpose() * C * job.X_MW.R);
+  return DeflectedBy100N{D.diagonal(), Vec3(D(1, 0), D(2, 0), D(2, 1))};
 }
 
 std::optional<ComplianceMark> compliance_mark(const Job& job, const gcode::Move& first) {
@@ -126,9 +146,10 @@ std::optional<ComplianceMark> compliance_mark(const Job& job, const gcode::Move&
   out.p = first.start;
   if (job.tool_frame.turns) out.axes = first.axes_start;
   if (job.tool_frame.tilted) out.axes = job.tool_frame.axes;
-  const std::optional<Vec3> deflection = deflections_at(job, out, {});
-  if (!deflection) return {};
-  out.deflection = *deflection;
+  const std::optional<DeflectedBy100N> found = deflections_at(job, out, {});
+  if (!found) return {};
+  out.deflection = found->along;
+  out.across = found->across;
   return out;
 }
 
@@ -139,9 +160,10 @@ std::optional<ComplianceMark> compliance_mark(const Job& job, const Sample& samp
   if (job.tool_frame.turns) out.axes = sample.axes;
   if (job.tool_frame.tilted) out.axes = job.tool_frame.axes;
   out.joints = sample.came_with();
-  const std::optional<Vec3> deflection = deflections_at(job, out, out.joints);
-  if (!deflection) return {};
-  out.deflection = *deflection;
+  const std::optional<DeflectedBy100N> found = deflections_at(job, out, out.joints);
+  if (!found) return {};
+  out.deflection = found->along;
+  out.across = found->across;
   return out;
 }
 

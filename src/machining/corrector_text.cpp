@@ -145,8 +145,8 @@ std::vector<std::string> Corrector::header_lines() const {
   for (const MovePrediction& m : out_.before.moves) tools.insert(moves_[static_cast<std::size_t>(m.move)].tool);
   std::string cutters;
   for (const int tool : tools) {
-    const std::string cutter = cutter_in_words(job_.cutter_of(tool)) + ", ";
-    if (cutters.find(cutter) == std::string::npos) cutters += cutter;
+    const std::string number = tools.size() > 1 ? fmt::format("T{} ", tool) : "";
+    cutters += fmt::format("{}{}, ", number, cutter_in_words(job_.cutter_of(tool)));
   }
   const auto changed = std::count(changed_.begin(), changed_.end(), true);
   std::vector<std::string> header{fmt::format("{} {}", changed > 0 ? std::string_view(kCorrectedMark) : kLookedAtMark,
@@ -176,8 +176,7 @@ std::vector<std::string> Corrector::header_lines() const {
   if (kinematics::leaves_a_joint_free(job_.machine)) header.push_back(fmt::format("Polypod: {}", kOneChoice));
   if (job_.weights) header.push_back("Polypod: the weight of the machine counts, against that at the origin");
   if (job_.measured) {
-    header.push_back(
-        fmt::format("Polypod: compliance interpolated from {} measured points", job_.measured->map.size()));
+    header.push_back(fmt::format("Polypod: {}{} measured points", gcode::kMeasuredText, job_.measured->map.size()));
     if (!job_.measured->doubts.empty()) header.push_back("Polypod: these are doubtful, NOT judged against the tube");
   }
   return header;

@@ -4,36 +4,50 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <string>
 #include <vector>
 
 #include "polypod/core/units.hpp"
+#include "polypod/gcode/writer.hpp"
 #include "polypod/kinematics/surplus.hpp"
 #include "polypod/machining/compliance_mark.hpp"
 #include "polypod/statics/compliance.hpp"
 
 namespace polypod::machining {
 
-std::string um_in_words(const Vec3& d) {
-  return fmt::format("{:.2f}, {:.2f}, {:.2f} um", units::to_um(d.x()), units::to_um(d.y()), units::to_um(d.z()));
-}
-
 bool speaks_of(const gcode::CorrectionHeader& header, const Job& job) {
   return header.names(machine::name_of(job.machine)) && header.origin == place_in_words(job.X_MW);
 }
 
 namespace {
-/// Of a corrected program and a job with cutters: which of the program's is none of the job's; else empty.
+/// Of a corrected program and a job with cutters: which of the program's is none of the job's, or has another number;
+/// else empty.
 std::string other_cutter(const gcode::CorrectionHeader& header, const Job& job) {
   if (!header.corrected || !job.cuts || !(job.cutter.diameter > 0) || header.cutters.empty()) return {};
   std::vector<std::string> own{cutter_in_words(job.cutter)};
-  for (const auto& [tool, cutter] : job.cutters) own.push_back(cutter_in_words(cutter));
+  for (const auto& [tool, cutter] : job.cutters) own.push_back(fmt::format("T{} {}", tool, cutter_in_words(cutter)));
   std::string left = header.cutters;
-  for (const std::string& one : own)
-    if (const std::size_t at = left.find(one + ", "); at != std::string::npos) left.erase(at, one.size() + 2);
-  if (left.size() < 2) return {};
+  // With several cutters the header says their numbers: "T1 cutter 10 mm with 3 teeth, T2 ball ..., ".
+  for (std::size_t at = 0; left.starts_with('T') && at < left.size();) {
+    int tool = 0;
+    std::from_chars(left.data() + at + 1, left.data() + left.size(), tool);
+    const std::string one = fmt::format("T{} {}, ", tool, cutter_in_words(job.cutter_of(tool)));
+    if (left.compare(at, one.size(), one) != 0) {
+      at = left.size();
+    } else if ((at += one.size()) == left.size()) {
+      return {};
+    }
+  }
+  if (!left.starts_with('T')) {
+    std::vector<std::string> kinds{own.front()};
+    for (const auto& [tool, cutter] : job.cutters) kinds.push_back(cutter_in_words(cutter));
+    for (const std::string& one : kinds)
+      if (const std::size_t at = left.find(one + ", "); at != std::string::npos) left.erase(at, one.size() + 2);
+    if (left.size() < 2) return {};
+  }
   return fmt::format("the program was corrected for {}, the job has {}", left.substr(0, left.size() - 2),
                      fmt::join(own, "; "));
 }
@@ -78,7 +92,7 @@ std::string other_stock(const gcode::CorrectionHeader& header, const Job& job) {
 }
 }  // namespace
 
-MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
+MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given, const std::vector<Vec3>& stands) {
   using Other = MadeFor::Other;
   const std::string machine = machine::name_of(given.machine), origin = place_in_words(given.X_MW);
   if (!speaks_of(header, given)) {
@@ -100,8 +114,37 @@ MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
   if (const std::string other = other_material(header, given); !other.empty())
     return {Other::material, other, {}, false};
   if (const std::string other = other_stock(header, given); !other.empty()) return {Other::stock, other, {}, false};
+  if (header.corrected && header.measured != (given.measured != nullptr)) {
+    return {Other::compliance,
+            header.measured
+                ? "the program was corrected with a measured compliance, which this job does not give"
+                : "the program was corrected with the compliances of the machine file, and this job gives a "
+                  "measured one",
+            {},
+            false};
+  }
+  if (header.measured) {
+    return {Other::none,
+            {},
+            fmt::format("the program was {} with a measured compliance: whether this machine, its tool and the "
+                        "measurements are still those is not judged",
+                        header.was()),
+            false};
+  }
   const auto mark = ComplianceMark::from(header.compliance);
   if (!mark) return {};  // before headers said it
+  // The correction moves a command by far less.
+  constexpr double kNear = 5e-3;
+  if (header.corrected && !stands.empty() &&
+      std::none_of(stands.begin(), stands.end(), [&](const Vec3& p) { return (p - mark->p).norm() < kNear; })) {
+    const auto mm = [](double x) { return gcode::number(units::to_mm(x), 1); };
+    return {Other::offsets,
+            fmt::format("the first cut that was corrected begins at X{} Y{} Z{} in the frame of the workpiece, and no "
+                        "move of the program comes there with the work offsets of this job",
+                        mm(mark->p.x()), mm(mark->p.y()), mm(mark->p.z())),
+            {},
+            false};
+  }
   if (!statics::has_compliance(given.machine)) {
     return {
         Other::none,
@@ -112,7 +155,8 @@ MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
   }
   Job job = given;
   job.posture = header.posture;
-  const std::optional<Vec3> here = deflections_at(job, *mark, ComplianceMark::joints_from(header.joints, job.machine));
+  const std::optional<DeflectedBy100N> here =
+      deflections_at(job, *mark, ComplianceMark::joints_from(header.joints, job.machine));
   if (!here) return {Other::none, {}, {}, true};
   if (mark->same(*here)) {
     if (!header.joints.empty() || !kinematics::leaves_a_joint_free(job.machine)) return {};
@@ -123,10 +167,11 @@ MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given) {
                         header.was()),
             false};
   }
+  const DeflectedBy100N was{mark->deflection, mark->across};
   return {Other::compliance,
           fmt::format("the program was {} for a machine whose tool 100 N along X, Y, Z deflect by {} where the first "
                       "cut begins; this one they deflect by {}",
-                      header.was(), um_in_words(mark->deflection), um_in_words(*here)),
+                      header.was(), mark->in_words(was, *here), mark->in_words(*here, was)),
           {},
           false};
 }

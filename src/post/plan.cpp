@@ -535,10 +535,13 @@ class Planner {
     const bool worse = speed_line_ == step.line;
     speed_line_ = step.line;
     speed_share_ = share;
-    std::string detail =
-        fmt::format("{}; {}", kinematics::too_fast(machine_, fastest, options_.joint_speeds),
-                    step.feed > 0 ? kinematics::slower(units::to_mm_per_min(step.feed / share), "mm/min")
-                                  : std::string("a slower --turn-speed would keep it"));
+    const bool turns_alone = !((way(1).X.p - way(0).X.p).norm() > kSame);  // whatever the feed
+    std::string detail = fmt::format(
+        "{}; {}", kinematics::too_fast(machine_, fastest, options_.joint_speeds),
+        turns_alone     ? fmt::format("--turn-speed: {}",
+                                      kinematics::slower(60 * units::to_deg(options_.turn_speed / share), "deg/min"))
+        : step.feed > 0 ? kinematics::slower(units::to_mm_per_min(step.feed / share), "mm/min")
+                        : std::string("a slower --turn-speed would keep it"));
     const auto known = std::find_if(out_.problems.rbegin(), out_.problems.rend(),
                                     [&](const PlanProblem& p) { return p.line == step.line && p.kind == "speed"; });
     if (worse && known != out_.problems.rend()) {

@@ -67,9 +67,9 @@ TEST(ComplianceMark, ReadsWhatItWrites) {
   EXPECT_LT((again->p - mark.p).norm(), 1e-6);
   EXPECT_LT((again->axes - mark.axes).norm(), 1e-12);
   EXPECT_LT((again->deflection - mark.deflection).norm(), 1e-12);
-  EXPECT_TRUE(again->same(mark.deflection));
-  EXPECT_TRUE(again->same(1.005 * mark.deflection));
-  EXPECT_FALSE(again->same(1.02 * mark.deflection));
+  EXPECT_TRUE(again->same({mark.deflection, {}}));
+  EXPECT_TRUE(again->same({1.005 * mark.deflection, {}}));
+  EXPECT_FALSE(again->same({1.02 * mark.deflection, {}}));
   for (const char* text : {"", "at X1", "at X1 Y2 Z3 A0 B0 C0",
                            "at Xnan Y0 Z0 A0 B0 C0 100 N along X, Y, Z deflect the "
                            "tool by 1, 2, 3 um"})

@@ -18,6 +18,8 @@ inline constexpr std::string_view kLookedAtMark = "Polypod: looked at, not corre
 inline constexpr std::string_view kOriginText = "origin X";
 /// Between the place of a mark of the compliance and its figures.
 inline constexpr std::string_view kDeflectText = " 100 N along X, Y, Z deflect the tool by ";
+/// Of a compliance that is interpolated.
+inline constexpr std::string_view kMeasuredText = "compliance interpolated from ";
 /// Before the joints at that place.
 inline constexpr std::string_view kJointsText = "the joints there are ";
 /// What is cut.
@@ -37,6 +39,7 @@ struct CorrectionHeader {
   std::string posture;      ///< the name of the branch; empty where the header has none
   std::optional<double> c;  ///< rad, the rotation about the tool axis; empty where the header has none
   std::string compliance;   ///< its line with what 100 N do to the tool; empty where the header has none
+  bool measured = false;    ///< corrected with a compliance interpolated from measurements
   std::string joints;       ///< the line behind that, of a machine whose poses leave a joint free; else empty
 
   /// "corrected" or "found within its tube".

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "polypod/gcode/header.hpp"
 #include "polypod/machining/job.hpp"
@@ -11,7 +12,7 @@
 namespace polypod::machining {
 
 struct MadeFor {
-  enum class Other : std::uint8_t { none, machine, unknown_place, place, cutter, material, stock, compliance };
+  enum class Other : std::uint8_t { none, machine, unknown_place, place, cutter, material, stock, offsets, compliance };
   Other other = Other::none;
   std::string message;     ///< what is other; empty where nothing is
   std::string not_judged;  ///< why that is not known of the compliances; else empty
@@ -22,12 +23,11 @@ struct MadeFor {
 /// coefficients and the stock (within 0.2 mm and 1 % of its volume) where the job has them, and what 100 N do to the
 /// tool where the first cut begins (ComplianceMark::same, in the header's posture and with its joints). Of a program
 /// that was looked at for another machine or place nothing is other: what it cuts is as the CAM system wrote it.
-MadeFor made_for(const gcode::CorrectionHeader& header, const Job& job);
+/// `stands`: where the moves of the written program begin or end in W, with this job's work offsets; one must be where
+/// the header says that the first cut begins.
+MadeFor made_for(const gcode::CorrectionHeader& header, const Job& job, const std::vector<Vec3>& stands);
 
 /// Whether it speaks of this machine and this place of the workpiece.
 bool speaks_of(const gcode::CorrectionHeader& header, const Job& job);
-
-/// "32.10, 50.00, 12.00 um"
-std::string um_in_words(const Vec3& d);
 
 }  // namespace polypod::machining

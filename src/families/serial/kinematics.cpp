@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "../turns.hpp"
 #include "coupled.hpp"
 #include "polypod/families/serial/frames.hpp"
 #include "polypod/geometry/trigonometry.hpp"
@@ -136,10 +137,48 @@ bool leaves_free(const SerialArm& arm) {
   return arm.free_joints() > arm.task.size();
 }
 
+/// The search puts each joint into a turn within its range by itself. Where that turns another row by a part of a turn,
+/// the pose is another: back by whole turns until it is that of the target, or the solution is none.
+void put_back_turns(const SerialArm& arm, const Pose& X_MT, InverseResult& found) {
+  constexpr double kThere = 1e-6;  // m and rad
+  constexpr int kMostTurns = 3;
+  std::vector<int> leaders;
+  for (int i = 0; i < arm.free_joints(); ++i)
+    if (!turns_alone(arm, i)) leaders.push_back(i);
+  if (leaders.empty()) return;
+  const auto is_there = [&](const JointVector& q) {
+    return kinematics::closure_detail::pose_error(arm.task, X_MT, forward(arm, q)).norm() < kThere;
+  };
+  const auto put_back = [&](JointVector& q) {
+    if (is_there(q)) return true;
+    for (const int i : leaders) {
+      for (int turns = 1; turns <= kMostTurns; ++turns) {
+        for (const double way : {1.0, -1.0}) {
+          JointVector there = q;
+          there[i] += way * turns * 2 * kPi;
+          if (!is_there(there)) continue;
+          q = there;
+          return true;
+        }
+      }
+    }
+    return false;
+  };
+  const std::vector<double> p = parameter_values(arm);
+  std::erase_if(found.solutions, [&](kinematics::Solution& s) {
+    if (!put_back(s.joints)) return true;
+    s.violations = kinematics::violations_of_limits(arm, X_MT, s.joints);
+    return false;
+  });
+  found.converged = found.converged && !found.solutions.empty();
+}
+
 InverseResult inverse_numerically(const SerialArm& arm, const Pose& X_MT, const kinematics::DampedOptions& options) {
-  return kinematics::inverse_damped(
+  InverseResult out = kinematics::inverse_damped(
       arm, X_MT, [&](const JointVector& q) { return forward(arm, q); },
       [&](const Pose& X, const JointVector& q) { return jacobian(arm, X, q); }, options);
+  put_back_turns(arm, X_MT, out);
+  return out;
 }
 
 }  // namespace

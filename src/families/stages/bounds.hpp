@@ -82,6 +82,8 @@ class WristLimits : private WristHeld, public ParallelLimits {
   [[nodiscard]] int first_of_tip() const { return first_of_wrist_ + 2 * static_cast<int>(ranges_.size()); }
   [[nodiscard]] bool heeds(int limit) const { return limit >= 64 || (mask_ >> limit & 1U) != 0; }
 
+  [[nodiscard]] int reach_limit() const { return 64 + joint_count(m_); }
+
   static N dot(const Vec3& a, const Vector3<N>& b) { return N(a[0]) * b[0] + N(a[1]) * b[1] + N(a[2]) * b[2]; }
   static N dot(const Vector3<N>& a, const Vector3<N>& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
   static Vector3<N> cross(const Vec3& a, const Vector3<N>& b) { return skew(a).cast<N>() * b; }
@@ -155,11 +157,18 @@ class WristLimits : private WristHeld, public ParallelLimits {
     const N toward = N(1 / u2.dot(aside)) * (N(u2.dot(v)) - N(c) * along);
     const Vector3<N> across = cross(u1, k);
     const N rest = dot(across, across) - square(toward), beta = sqrt(rest);
+    // The rest is not negative where the angle of k to axis 1 is between the difference and the sum of those of axes 1
+    // and 2 and of axis 2 and v: in its cosine, for the rest itself is flat where the wrist is straight.
     BoundList reach_bounds;
-    // Square axes turn the tool anywhere, through the straight wrist too, where the rest is 0.
-    constexpr double kSquare = 1e-12;
-    const bool anywhere = std::abs(c) < kSquare && std::abs(u2.dot(v)) < kSquare;
-    const Verdict reach = anywhere ? Verdict::inside : judged(rest, 64 + joint_count(m_), 1, d, reach_bounds);
+    Verdict reach = Verdict::inside;
+    const double at_2 = std::acos(std::clamp(c, -1.0, 1.0)), of_v = std::acos(std::clamp(u2.dot(v), -1.0, 1.0));
+    const double nearest = std::abs(at_2 - of_v), farthest = at_2 + of_v;
+    constexpr double kSame = 1e-9;
+    if (nearest > kSame) reach = both(reach, judged(N(std::cos(nearest)) - along, reach_limit(), 1, d, reach_bounds));
+    if (std::abs(farthest - std::numbers::pi) > kSame) {
+      const double end = std::min(farthest, 2 * std::numbers::pi - farthest);
+      reach = both(reach, judged(along - N(std::cos(end)), reach_limit(), 1, d, reach_bounds));
+    }
     const auto posture = [&](double side) {
       Vector3<N> z;
       for (int i = 0; i < 3; ++i) z[i] = along * N(u1[i]) + toward * N(aside[i]) + N(side * n[i]) * beta;

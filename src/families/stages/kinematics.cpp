@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "../parallel/settle.hpp"
+#include "../turns.hpp"
 #include "polypod/core/units.hpp"
 #include "polypod/kinematics/families.hpp"
 #include "polypod/kinematics/joint_speed.hpp"
@@ -153,11 +154,12 @@ std::optional<Moving> moved(const Stages& m, const Moving& from, const JointVect
   return out;
 }
 
-/// A turning joint in the turn that lies in its range.
+/// A turning joint in the turn that lies in its range, where that turn moves nothing else.
 void into_range(const AnyMachine& machine, JointVector& q) {
   constexpr double kTurn = 2 * std::numbers::pi;
   for (int i = 0; i < static_cast<int>(q.size()); ++i) {
     if (kinematics::joint_kind(machine, i) != JointKind::revolute) continue;
+    if (const auto* arm = std::get_if<SerialArm>(&machine); arm != nullptr && !turns_alone(*arm, i)) continue;
     const JointRange range = kinematics::joint_range(machine, i);
     const double middle = 0.5 * (range.min + range.max);
     q[i] -= kTurn * std::round((q[i] - middle) / kTurn);
