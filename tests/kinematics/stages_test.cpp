@@ -210,6 +210,45 @@ TEST(Stages, AWristOfThreeJointsOnADelta) {
   EXPECT_NEAR(singular.solutions[0].joints[5], 0.75, 1e-9);
 }
 
+// A row that follows joint 4 by half its angle: a turn of joint 4 alone is another pose.
+TEST(Stages, AJointThatTurnsAnotherByHalfIsNotShiftedAlone) {
+  std::string wrist = machine::to_toml(test::load("tricept-wrist"));
+  const std::size_t second = wrist.rfind("alpha_deg = -90");
+  ASSERT_NE(second, std::string::npos);
+  wrist.insert(second, "coupled_to = 1, coupling = 0.5, ");
+  const std::string arm =
+      "family = \"serial\"\ndh = [ { d_mm = 400, alpha_deg = -90 }, { a_mm = 500 }, { alpha_deg = -90 }, { d_mm = 500, "
+      "a_mm "
+      "= 20, alpha_deg = 90 }, { alpha_deg = -90, coupled_to = 4, coupling = 0.5 }, { d_mm = 100, coupled_to = 4, "
+      "coupling "
+      "= 0.3 } ]\ntool = { z_mm = 100, a_deg = 180 }\nlimits = [ { min_deg = -350, max_deg = 350 }, { min_deg = -350, "
+      "max_deg = 350 }, { min_deg = -350, max_deg = 350 }, { min_deg = -350, max_deg = 350 }, { min_deg = -350, "
+      "max_deg = "
+      "350 }, { min_deg = -350, max_deg = 350 } ]\n";
+  for (const AnyMachine& m : {read(wrist), read(arm)}) {
+    std::mt19937 random(8);
+    std::uniform_real_distribution<double> unit(-1, 1);
+    const int n = kinematics::joint_count(m);
+    int solutions = 0;
+    for (int k = 0; k < 10; ++k) {
+      JointVector q = JointVector::NullaryExpr(n, [&] { return 1.5 * unit(random); });
+      if (n == 5) q.head<3>() = JointVector::NullaryExpr(3, [&] { return 0.95 + 0.15 * unit(random); });
+      const auto poses = kinematics::forward(m, q).poses;
+      if (poses.empty()) continue;
+      const Pose& X = poses[0];
+      auto all = kinematics::inverse(m, X).solutions;
+      const auto near = kinematics::inverse_near(m, X, q + JointVector::Constant(n, 3.0)).solutions;
+      all.insert(all.end(), near.begin(), near.end());
+      for (const kinematics::Solution& s : all) {
+        ++solutions;
+        const Pose back = kinematics::forward(m, s.joints).poses.at(0);
+        EXPECT_LT((back.p - X.p).norm() + (back.R.col(2) - X.R.col(2)).norm(), 1e-6) << k;
+      }
+    }
+    EXPECT_GT(solutions, 10);
+  }
+}
+
 TEST(Stages, SolutionsBeyondTheLimitsAreWhereTheyWereAsked) {
   const AnyMachine m = test::load("tricept-wrist");
   const auto& stages = std::get<machine::Stages>(m);

@@ -73,6 +73,22 @@ tool = { x_mm = 40, z_mm = 150, a_deg = 160 }
 limits = [ { min_deg = -360, max_deg = 360 }, { min_deg = -35, max_deg = 60 }, { min_deg = -180, max_deg = 180 } ]
 )";
 
+/// Two joints 45 deg apart (a nutating head), on a Tricept.
+constexpr const char* kNutating = R"(
+family = "stages"
+task = "axis"
+[[stage]]
+machine = "tricept"
+mount = { z_mm = 1900, a_deg = 180 }
+[[stage]]
+home = [0, 60]
+[stage.machine]
+family = "serial"
+dh = [ { d_mm = 120, alpha_deg = 45 }, { alpha_deg = -45 } ]
+tool = { z_mm = 250, a_deg = 180 }
+limits = [ { min_deg = -200, max_deg = 200 }, { min_deg = -170, max_deg = 170 } ]
+)";
+
 /// By how much the best solution keeps its limits, rad or m; -1 where there is none.
 double margin_of(const machine::Stages& m, const Pose& X) {
   const std::vector<double> p = kinematics::nominal_parameters(m);
@@ -124,11 +140,12 @@ double least_margin(const machine::Stages& m, const Patch& patch, const Vec3& p)
 }
 
 std::vector<machine::Stages> wrists() {
-  return {with_swivel(-120, 120), with_swivel(5, 40), with_swivel(-20, 32), read(kOblique), read(kThree)};
+  return {with_swivel(-120, 120), with_swivel(5, 40), with_swivel(-20, 32),
+          read(kOblique),         read(kThree),       read(kNutating)};
 }
 
 class EachWrist : public ::testing::TestWithParam<std::size_t> {};
-INSTANTIATE_TEST_SUITE_P(WristBounds, EachWrist, ::testing::Range<std::size_t>(0, 5));
+INSTANTIATE_TEST_SUITE_P(WristBounds, EachWrist, ::testing::Range<std::size_t>(0, 6));
 
 TEST_P(EachWrist, PlanesHoldOnBothSides) {
   const machine::Stages m = wrists()[GetParam()];
@@ -191,6 +208,17 @@ TEST_P(EachWrist, HoldAMonteCarlo) {
   const double spread = 4 * box * std::sqrt(share * (1 - share) / kCount);
   EXPECT_GE(box * share, v->lower - spread);
   EXPECT_LE(box * share, v->upper + spread);
+}
+
+// About the straight wrist, where the reach of oblique axes ends at an angle of 0.
+TEST(WristBounds, HoldABoxAboutTheStraightWrist) {
+  const AnyMachine m(read(kNutating));
+  const Shape box{ShapeKind::box, Vec3(0, 0, 0.315), Vec3(0.02, 0.02, 0.015)};
+  EXPECT_TRUE(certainly_holds(m, {}, box, 100'000).value());
+  Options tilted;
+  tilted.directions.tilt = units::from_deg(20);
+  const Shape wide{ShapeKind::box, Vec3(0, 0, 0.375), Vec3(0.2, 0.2, 0.075)};
+  EXPECT_TRUE(certainly_holds(m, tilted, wide, 100'000).value());
 }
 
 TEST(WristBounds, AnUnprovenWristSaysSo) {
