@@ -122,13 +122,12 @@ struct Volume {
 /// on the rail, direction by direction. Serial arms: the closed wrist inverse on interval derivatives; a point counts
 /// where for each direction some branch keeps the limits.
 ///
-/// Machines without bounds (arms without a spherical wrist, stages whose inverse is a search), or whose bounds would take too many boxes (arms
-/// with six joints: 1.2e6 for one direction, 1.5e5 for more; legs whose coordinates follow: 4e5, and 5e4 of a cone):
-/// sampled_volume(), which proves nothing.
-/// Bounds hold up to rounding (allowed for with 1e-12 of each limit). The same result for any number of threads.
-/// Errors: WS100 (directions out of range), WS101 (tolerance), WS110
-/// (cancelled), WS104 (a delta asked to tilt), WS105 (a distance from singular poses for another family). Cost: JEL
-/// Table 8.2 at 20 deg to 1 % about a second, at tilt 0 to 0.1 % a tenth of that.
+/// Machines without bounds (arms without a spherical wrist, stages whose inverse is a search), or whose bounds would
+/// take too many boxes (arms with six joints: 1.2e6 for one direction, 1.5e5 for more; legs whose coordinates follow:
+/// 4e5, and 5e4 of a cone): sampled_volume(), which proves nothing. Bounds hold up to rounding (allowed for with 1e-12
+/// of each limit). The same result for any number of threads. Errors: WS100 (directions out of range), WS101
+/// (tolerance), WS110 (cancelled), WS104 (a delta asked to tilt), WS105 (a distance from singular poses for another
+/// family). Cost: JEL Table 8.2 at 20 deg to 1 % about a second, at tilt 0 to 0.1 % a tenth of that.
 Result<Volume> volume(const AnyMachine& machine, const Options& options);
 
 /// The volume from a sample, for machines without bounds. In each cell of a cubic grid over the box that an earlier,

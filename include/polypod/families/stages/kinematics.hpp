@@ -144,9 +144,9 @@ Pose forward(const Stages& m, const JointVector& q);
 /// settled first, else it comes from its home.
 Pose settled(const Stages& m, const Pose& X_MT, const JointVector& q);
 
-/// Of a wrist on a module that places it (two joints that meet the tool axis, or three that meet) in closed form for the
-/// module's own pose: WristOnModule. Of all others the poses that up to 24 searches find (until eight find nothing new),
-/// by distance from home: Levenberg and Marquardt's method on the joints of all stages, where the closed stage is
+/// Of a wrist on a module that places it (two joints that meet the tool axis, or three that meet) in closed form for
+/// the module's own pose: WristOnModule. Of all others the poses that up to 24 searches find (until eight find nothing
+/// new), by distance from home: Levenberg and Marquardt's method on the joints of all stages, where the closed stage is
 /// settled again after each step, so that it never leaves what its constraints allow. Starts: home, then chains at
 /// points of a Halton sequence in their ranges. Not proven to be all. For each the solutions of the closed stage's own
 /// inverse.
