@@ -66,7 +66,7 @@ std::vector<double> numbers_in(std::string_view text) {
 
 /// Likewise of the material: forces that differ by a hundredth are the same.
 std::string other_material(const gcode::CorrectionHeader& header, const Job& job) {
-  if (!header.corrected || !job.cuts || header.material.empty()) return {};
+  if (!header.corrected || !job.cuts || !(job.cutter.diameter > 0) || header.material.empty()) return {};
   const std::string own = material_in_words(job.material);
   const std::vector<double> was = numbers_in(header.material), is = numbers_in(own);
   constexpr double kShare = 0.01, kLeast = 0.005;  // of a coefficient, and in its unit
@@ -79,7 +79,7 @@ std::string other_material(const gcode::CorrectionHeader& header, const Job& job
 
 /// Likewise of the stock: cells of another size round it.
 std::string other_stock(const gcode::CorrectionHeader& header, const Job& job) {
-  if (!header.corrected || !job.cuts || header.stock.empty()) return {};
+  if (!header.corrected || !job.cuts || !(job.cutter.diameter > 0) || header.stock.empty()) return {};
   const std::string own = stock_in_words(job.stock);
   const std::vector<double> was = numbers_in(header.stock), is = numbers_in(own);
   constexpr double kSide = 0.2, kVolume = 0.01;  // mm, a share
