@@ -438,7 +438,7 @@ TEST(Verdict, MovesInsideTheTubeAreCorrectedWhereItAddsNoLines) {
   machining::CorrectOptions options;
   options.all = true;
   const auto c = correct(e, options);
-  const std::size_t header = 5 + (c.modes.written.empty() ? 0 : 1);
+  const std::size_t header = 7 + (c.modes.written.empty() ? 0 : 1);
   EXPECT_EQ(c.lines_out, c.lines_in + header);
   EXPECT_LE(c.largest_distance, c.before.largest_distance);
 }
