@@ -157,7 +157,10 @@ std::vector<std::string> Corrector::header_lines() const {
                        ? fmt::format("Polypod: {} of {} moves rewritten, do not correct again", changed, moves_.size())
                        : fmt::format("Polypod: nothing was corrected, {} moves are as they were", moves_.size()));
   header.push_back(fmt::format("Polypod: {}{}", gcode::kMaterialText, material_in_words(job_.material)));
-  header.push_back(fmt::format("Polypod: {}{}", gcode::kStockText, stock_in_words(job_.stock)));
+  // Of a tilted tool the stock lies in a frame of its own: the volume alone.
+  std::string stock = stock_in_words(job_.stock);
+  if (job_.tool_frame.tilted) stock.erase(0, stock.rfind(", ") + 2);
+  header.push_back(fmt::format("Polypod: {}{}", gcode::kStockText, stock));
   if (const std::string hold = hold_in_words(); !hold.empty()) header.push_back("Polypod: " + hold);
   if (!out_.before.moves.empty()) {
     const gcode::Move& first = moves_[static_cast<std::size_t>(out_.before.moves.front().move)];

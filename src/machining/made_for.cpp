@@ -23,31 +23,33 @@ bool speaks_of(const gcode::CorrectionHeader& header, const Job& job) {
 }
 
 namespace {
-/// Of a corrected program and a job with cutters: which of the program's is none of the job's, or has another number;
-/// else empty.
+/// Whether a job says what is cut: `--machine` alone does not.
+bool says_what_is_cut(const Job& job) {
+  return job.cuts && job.cutter.diameter > 0;
+}
+
+/// Of a corrected program and a job that cuts: which of the program's cutters is none of the job's, or has another
+/// number; else empty.
 std::string other_cutter(const gcode::CorrectionHeader& header, const Job& job) {
-  if (!header.corrected || !job.cuts || !(job.cutter.diameter > 0) || header.cutters.empty()) return {};
-  std::vector<std::string> own{cutter_in_words(job.cutter)};
-  for (const auto& [tool, cutter] : job.cutters) own.push_back(fmt::format("T{} {}", tool, cutter_in_words(cutter)));
+  std::vector<std::string> kinds{cutter_in_words(job.cutter)}, own = kinds;
+  for (const auto& [tool, cutter] : job.cutters) {
+    kinds.push_back(cutter_in_words(cutter));
+    own.push_back(fmt::format("T{} {}", tool, kinds.back()));
+  }
   std::string left = header.cutters;
-  // With several cutters the header says their numbers: "T1 cutter 10 mm with 3 teeth, T2 ball ..., ".
-  for (std::size_t at = 0; left.starts_with('T') && at < left.size();) {
+  // Of several cutters the header says the numbers: "T1 cutter 10 mm with 3 teeth, T2 ball ..., ".
+  const bool numbered = left.starts_with('T');
+  while (numbered && !left.empty()) {
     int tool = 0;
-    std::from_chars(left.data() + at + 1, left.data() + left.size(), tool);
+    std::from_chars(left.data() + 1, left.data() + left.size(), tool);
     const std::string one = fmt::format("T{} {}, ", tool, cutter_in_words(job.cutter_of(tool)));
-    if (left.compare(at, one.size(), one) != 0) {
-      at = left.size();
-    } else if ((at += one.size()) == left.size()) {
-      return {};
-    }
+    if (!left.starts_with(one)) break;
+    left.erase(0, one.size());
   }
-  if (!left.starts_with('T')) {
-    std::vector<std::string> kinds{own.front()};
-    for (const auto& [tool, cutter] : job.cutters) kinds.push_back(cutter_in_words(cutter));
-    for (const std::string& one : kinds)
-      if (const std::size_t at = left.find(one + ", "); at != std::string::npos) left.erase(at, one.size() + 2);
-    if (left.size() < 2) return {};
-  }
+  for (const std::string& one : kinds)
+    if (const std::size_t at = left.find(one + ", "); !numbered && at != std::string::npos)
+      left.erase(at, one.size() + 2);
+  if (left.size() < 2) return {};
   return fmt::format("the program was corrected for {}, the job has {}", left.substr(0, left.size() - 2),
                      fmt::join(own, "; "));
 }
@@ -66,7 +68,7 @@ std::vector<double> numbers_in(std::string_view text) {
 
 /// Likewise of the material: forces that differ by a hundredth are the same.
 std::string other_material(const gcode::CorrectionHeader& header, const Job& job) {
-  if (!header.corrected || !job.cuts || !(job.cutter.diameter > 0) || header.material.empty()) return {};
+  if (header.material.empty()) return {};
   const std::string own = material_in_words(job.material);
   const std::vector<double> was = numbers_in(header.material), is = numbers_in(own);
   constexpr double kShare = 0.01, kLeast = 0.005;  // of a coefficient, and in its unit
@@ -79,13 +81,15 @@ std::string other_material(const gcode::CorrectionHeader& header, const Job& job
 
 /// Likewise of the stock: cells of another size round it.
 std::string other_stock(const gcode::CorrectionHeader& header, const Job& job) {
-  if (!header.corrected || !job.cuts || !(job.cutter.diameter > 0) || header.stock.empty()) return {};
+  if (header.stock.empty()) return {};
   const std::string own = stock_in_words(job.stock);
   const std::vector<double> was = numbers_in(header.stock), is = numbers_in(own);
   constexpr double kSide = 0.2, kVolume = 0.01;  // mm, a share
-  bool same = was.size() == is.size();
-  for (std::size_t k = 0; same && k < is.size(); ++k) {
-    same = std::abs(was[k] - is[k]) <= (k < 6 ? kSide : kVolume * is[k]);
+  constexpr std::size_t kSides = 6;
+  const std::size_t first = was.size() + kSides == is.size() ? kSides : 0;  // of a tilted tool the volume alone
+  bool same = was.size() + first == is.size();
+  for (std::size_t k = first; same && k < is.size(); ++k) {
+    same = std::abs(was[k - first] - is[k]) <= (k < kSides ? kSide : kVolume * is[k]);
   }
   return same ? ""
               : fmt::format("the program was corrected in a stock from {}, the job has one from {}", header.stock, own);
@@ -110,18 +114,19 @@ MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given, const 
             {},
             false};
   }
-  if (const std::string other = other_cutter(header, given); !other.empty()) return {Other::cutter, other, {}, false};
-  if (const std::string other = other_material(header, given); !other.empty())
-    return {Other::material, other, {}, false};
-  if (const std::string other = other_stock(header, given); !other.empty()) return {Other::stock, other, {}, false};
-  if (header.corrected && header.measured != (given.measured != nullptr)) {
-    return {Other::compliance,
-            header.measured
-                ? "the program was corrected with a measured compliance, which this job does not give"
-                : "the program was corrected with the compliances of the machine file, and this job gives a "
-                  "measured one",
-            {},
-            false};
+  if (header.corrected && says_what_is_cut(given)) {
+    if (std::string other = other_cutter(header, given); !other.empty()) return {Other::cutter, other, {}, false};
+    if (std::string other = other_material(header, given); !other.empty()) return {Other::material, other, {}, false};
+    if (std::string other = other_stock(header, given); !other.empty()) return {Other::stock, other, {}, false};
+    if (header.measured != (given.measured != nullptr)) {
+      return {Other::compliance,
+              header.measured
+                  ? "the program was corrected with a measured compliance, which this job does not give"
+                  : "the program was corrected with the compliances of the machine file, and this job gives a "
+                    "measured one",
+              {},
+              false};
+    }
   }
   if (header.measured) {
     return {Other::none,
