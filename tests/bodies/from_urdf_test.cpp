@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <filesystem>
@@ -62,7 +63,8 @@ std::string block(bool open) {
 /// The file in a folder `made` with its meshes, as a package is laid out.
 class Package {
  public:
-  explicit Package(bool open = false) : folder_(fs::path(testing::TempDir()) / "urdf_bodies" / "made") {
+  explicit Package(bool open = false)
+      : folder_(fs::path(testing::TempDir()) / ("urdf_bodies_" + std::to_string(::getpid())) / "made") {
     fs::create_directories(folder_ / "meshes");
     fs::create_directories(folder_ / "urdf");
     std::ofstream(folder_ / "meshes" / "block.stl") << block(open);
