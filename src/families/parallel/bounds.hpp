@@ -510,6 +510,33 @@ class ParallelLimits {
     return both(reach, only.verdict);
   }
 
+  /// Whether the direction (x, y) of a plane lies between the angles `low` and `high`, less than a turn apart: limits
+  /// `limit` and the next.
+  Terms between(const DomainNumber& x, const DomainNumber& y, double low, double high, int limit, double unit,
+                const Domain& d) const {
+    using N = DomainNumber;
+    Terms terms;
+    const N from_low = N(std::cos(low)) * y - N(std::sin(low)) * x,
+            to_high = N(std::sin(high)) * x - N(std::cos(high)) * y;
+    BoundList above, below;
+    const Verdict keeps_low = judged(from_low, limit, unit, d, above),
+                  keeps_high = judged(to_high, limit + 1, unit, d, below);
+    if (high - low <= std::numbers::pi) {
+      terms.verdict = both(keeps_low, keeps_high);
+      terms.bounds.append(above);
+      terms.bounds.append(below);
+    } else if (keeps_low != Verdict::inside && keeps_high != Verdict::inside) {
+      if (keeps_low == Verdict::dead) {
+        terms = {keeps_high, below};
+      } else if (keeps_high == Verdict::dead) {
+        terms = {keeps_low, above};
+      } else {
+        terms.verdict = Verdict::open;
+      }
+    }
+    return terms;
+  }
+
   Verdict on_rail(int j, const machine::ParallelLeg& leg, const Vector3<DomainNumber>& y, const DomainNumber& length2,
                   const Domain& d, BoundList& out) const {
     using N = DomainNumber;
@@ -542,29 +569,10 @@ class ParallelLimits {
     const double low = leg.range.min + leg.zero_offset, high = leg.range.max + leg.zero_offset;
     const double scale = 1 / (leg.arm * leg.rod), unit = scale * reach_ * reach_ * reach_;
     const auto root = [&](double side) {
-      Terms terms;
       const bool free = high - low >= 2 * std::numbers::pi - 1e-9 || (mask_ >> (2 * j) & 3U) != 3;
-      if (free) return terms;
+      if (free) return Terms{};
       const N x = N(scale) * (alpha * r + N(side) * beta * s), z = N(scale) * (alpha * s - N(side) * beta * r);
-      const N from_low = N(std::cos(low)) * z - N(std::sin(low)) * x,
-              to_high = N(std::sin(high)) * x - N(std::cos(high)) * z;
-      BoundList above, below;
-      const Verdict keeps_low = judged(from_low, 2 * j, unit, d, above),
-                    keeps_high = judged(to_high, 2 * j + 1, unit, d, below);
-      if (high - low <= std::numbers::pi) {
-        terms.verdict = both(keeps_low, keeps_high);
-        terms.bounds.append(above);
-        terms.bounds.append(below);
-      } else if (keeps_low != Verdict::inside && keeps_high != Verdict::inside) {
-        if (keeps_low == Verdict::dead) {
-          terms = {keeps_high, below};
-        } else if (keeps_high == Verdict::dead) {
-          terms = {keeps_low, above};
-        } else {
-          terms.verdict = Verdict::open;
-        }
-      }
-      return terms;
+      return between(x, z, low, high, 2 * j, unit, d);
     };
     return either(reach, reach_bounds, root(1), root(-1), out);
   }

@@ -118,29 +118,10 @@ class WristLimits : private WristHeld, public ParallelLimits {
 
   /// Whether a joint of the wrist that is at (cos, sin) = (x, y) / |(x, y)| is within its range.
   Terms in_range(int joint, const N& x, const N& y, const Domain& d) const {
-    Terms terms;
     const machine::JointRange& range = ranges_[static_cast<std::size_t>(joint)];
     const int limit = first_of_wrist_ + 2 * joint;
-    if (turns_round(range) || !heeds(limit) || !heeds(limit + 1)) return terms;
-    const N from_low = N(std::cos(range.min)) * y - N(std::sin(range.min)) * x,
-            to_high = N(std::sin(range.max)) * x - N(std::cos(range.max)) * y;
-    BoundList above, below;
-    const Verdict keeps_low = judged(from_low, limit, 1, d, above),
-                  keeps_high = judged(to_high, limit + 1, 1, d, below);
-    if (range.max - range.min <= std::numbers::pi) {
-      terms.verdict = both(keeps_low, keeps_high);
-      terms.bounds.append(above);
-      terms.bounds.append(below);
-    } else if (keeps_low != Verdict::inside && keeps_high != Verdict::inside) {
-      if (keeps_low == Verdict::dead) {
-        terms = {keeps_high, below};
-      } else if (keeps_high == Verdict::dead) {
-        terms = {keeps_low, above};
-      } else {
-        terms.verdict = Verdict::open;
-      }
-    }
-    return terms;
+    if (turns_round(range) || !heeds(limit) || !heeds(limit + 1)) return {};
+    return between(x, y, range.min, range.max, limit, 1, d);
   }
 
   /// WristOnModule's two places of the vector that the wrist turns, in first order.
