@@ -217,12 +217,12 @@ std::string correction_note(const gcode::Program& program, const gcode::Interpre
                             const machining::Job& job) {
   const auto header = gcode::correction_header(program);
   if (!header) return {};
-  std::vector<Vec3> stands;
-  for (const gcode::Move& move : run.moves) {
-    stands.push_back(move.start);
-    stands.push_back(move.end);
-  }
-  const machining::MadeFor made = machining::made_for(*header, job, stands);
+  const auto comes_to = [&](const Vec3& p, double within) {
+    return std::any_of(run.moves.begin(), run.moves.end(), [&](const gcode::Move& move) {
+      return (move.start - p).norm() < within || (move.end - p).norm() < within;
+    });
+  };
+  const machining::MadeFor made = machining::made_for(*header, job, comes_to);
   if (machining::speaks_of(*header, job) && !header->posture.empty() && !job.posture.empty() &&
       header->posture != job.posture) {
     return fmt::format("line {}: the program was {} for the posture {}; judged in {}, in which `post` refuses it",
@@ -315,6 +315,7 @@ Command check_command() {
           body_notes = std::move(told);
         }
         POLYPOD_ASSIGN(source, gcode::read(o->program));
+        const std::vector<double> start_of_job = job.start_joints;
         const bool as_corrected = o->branch.empty() && take_hold_of_correction(source, job, options);
         const bool optional = machining::has_optional_blocks(source);
         POLYPOD_ASSIGN(judged, optional ? judge(source, job, options) : judge(std::move(source), job, options));
@@ -334,6 +335,10 @@ Command check_command() {
         if (kinematics::leaves_a_joint_free(m)) {
           result.notes.push_back(
               "the pose leaves a joint free: one choice, the nearest to the joints before, was judged");
+        }
+        if (o->branch.empty() && !start_of_job.empty() && options.start != start_of_job) {
+          result.notes.push_back(
+              "the joints begin where the correction did, as `post` writes it, not at `start_joints` of the job");
         }
         if (const std::string note = correction_note(program, interpretation, job); !note.empty())
           result.notes.push_back(note);

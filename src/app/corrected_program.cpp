@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -52,10 +53,12 @@ Result<CorrectedProgram> CorrectedProgram::of(const post::Path& path, const mach
   CorrectedProgram out(path, given, job);
   out.header_ = post::correction_header(path);
   if (!out.header_) return out;
-  std::vector<Vec3> stands;
-  for (const post::Step& step : path.steps)
-    if (step.moves()) stands.push_back(given.X_MW.inverse() * (job.X_MW * step.tip));
-  machining::MadeFor made = machining::made_for(*out.header_, given, stands);
+  const auto comes_to = [&](const Vec3& p, double within) {
+    return std::any_of(path.steps.begin(), path.steps.end(), [&](const post::Step& step) {
+      return step.moves() && (job.X_MW * step.tip - given.X_MW * p).norm() < within;
+    });
+  };
+  machining::MadeFor made = machining::made_for(*out.header_, given, comes_to);
   if (made.other != machining::MadeFor::Other::none)
     return fail("PO125", std::move(made.message), Place{path.file, out.header_->line, 1}, hint_for(made.other));
   out.not_judged_ = std::move(made.not_judged);

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <string>
@@ -96,7 +95,8 @@ std::string other_stock(const gcode::CorrectionHeader& header, const Job& job) {
 }
 }  // namespace
 
-MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given, const std::vector<Vec3>& stands) {
+MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given,
+                 const std::function<bool(const Vec3& p, double within)>& comes_to) {
   using Other = MadeFor::Other;
   const std::string machine = machine::name_of(given.machine), origin = place_in_words(given.X_MW);
   if (!speaks_of(header, given)) {
@@ -140,8 +140,7 @@ MadeFor made_for(const gcode::CorrectionHeader& header, const Job& given, const 
   if (!mark) return {};  // before headers said it
   // The correction moves a command by far less.
   constexpr double kNear = 5e-3;
-  if (header.corrected && !stands.empty() &&
-      std::none_of(stands.begin(), stands.end(), [&](const Vec3& p) { return (p - mark->p).norm() < kNear; })) {
+  if (header.corrected && !comes_to(mark->p, kNear)) {
     const auto mm = [](double x) { return gcode::number(units::to_mm(x), 1); };
     return {Other::offsets,
             fmt::format("the first cut that was corrected begins at X{} Y{} Z{} in the frame of the workpiece, and no "

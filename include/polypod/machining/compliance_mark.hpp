@@ -38,7 +38,7 @@ struct ComplianceMark {
   static machine::JointVector joints_from(std::string_view text, const machine::AnyMachine& machine);
   /// Whether another machine deflects so: to 1 % of the largest, apart from the digits that a header has.
   [[nodiscard]] bool same(const DeflectedBy100N& other) const;
-  /// "by 32.10, 50.00, 12.00 um", with what is across where the figures along the axes are the same.
+  /// "32.10, 50.00, 12.00 um", with what is across where the figures along the axes are the same.
   [[nodiscard]] std::string in_words(const DeflectedBy100N& of, const DeflectedBy100N& beside) const;
 };
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
-#include <vector>
 
 #include "polypod/gcode/header.hpp"
 #include "polypod/machining/job.hpp"
@@ -23,9 +23,10 @@ struct MadeFor {
 /// coefficients and the stock (within 0.2 mm and 1 % of its volume) where the job has them, and what 100 N do to the
 /// tool where the first cut begins (ComplianceMark::same, in the header's posture and with its joints). Of a program
 /// that was looked at for another machine or place nothing is other: what it cuts is as the CAM system wrote it.
-/// `stands`: where the moves of the written program begin or end in W, with this job's work offsets; one must be where
-/// the header says that the first cut begins.
-MadeFor made_for(const gcode::CorrectionHeader& header, const Job& job, const std::vector<Vec3>& stands);
+/// `comes_to(p, within)`: whether a move of the written program begins or ends so near, m, to a place in W, with this
+/// job's work offsets; one must where the header says that the first cut begins.
+MadeFor made_for(const gcode::CorrectionHeader& header, const Job& job,
+                 const std::function<bool(const Vec3& p, double within)>& comes_to);
 
 /// Whether it speaks of this machine and this place of the workpiece.
 bool speaks_of(const gcode::CorrectionHeader& header, const Job& job);

@@ -164,13 +164,14 @@ void put_back_turns(const SerialArm& arm, const Pose& X_MT, InverseResult& found
     }
     return false;
   };
-  const std::vector<double> p = parameter_values(arm);
   std::erase_if(found.solutions, [&](kinematics::Solution& s) {
     if (!put_back(s.joints)) return true;
     s.violations = kinematics::violations_of_limits(arm, X_MT, s.joints);
     return false;
   });
-  found.converged = found.converged && !found.solutions.empty();
+  if (!found.converged || !found.solutions.empty()) return;
+  found.converged = false;
+  found.reason = "the numeric search found the pose in no turn of the joints that turn others";
 }
 
 InverseResult inverse_numerically(const SerialArm& arm, const Pose& X_MT, const kinematics::DampedOptions& options) {
