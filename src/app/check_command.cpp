@@ -241,13 +241,21 @@ std::string correction_note(const gcode::Program& program, const gcode::Interpre
 }
 
 /// A program that `correct` wrote for this machine and place is judged as `post` writes it: in the posture of the
-/// correction, where the job names none, and with the joints of its first cut, where the pose leaves one free. Whether
-/// a posture was taken.
+/// correction, where the job names none, and with the joints of its first cut, where the pose leaves one free and
+/// `start_joints` of the job lead to other deflections there. Whether a posture was taken.
 bool take_hold_of_correction(const gcode::Program& source, machining::Job& job, machining::CheckOptions& options) {
   const auto header = gcode::correction_header(source);
   if (!header || !machining::speaks_of(*header, job)) return false;
   const machine::JointVector joints = machining::ComplianceMark::joints_from(header->joints, job.machine);
-  if (joints.size() > 0) {
+  const auto same_from_start = [&] {
+    const auto mark = machining::ComplianceMark::from(header->compliance);
+    if (!mark || job.start_joints.empty()) return false;
+    const machine::JointVector start =
+        Eigen::Map<const Eigen::VectorXd>(job.start_joints.data(), std::ssize(job.start_joints));
+    const auto here = machining::deflections_at(job, *mark, start);
+    return here && mark->same(*here);
+  };
+  if (joints.size() > 0 && !same_from_start()) {
     job.start_joints.assign(joints.begin(), joints.end());
     options.start = job.start_joints;
   }
